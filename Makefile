@@ -11,7 +11,7 @@ DEVELOPER := $(VENV)/.stamp-dev
 # Modules are compiled when they are first imported: all of them at once would take half a minute.
 PIP := install -q --disable-pip-version-check --no-compile
 
-.PHONY: run live test vm zoo check docs setup clean
+.PHONY: run live test vm zoo nightly check docs setup clean
 
 run: $(STAMP)
 	$(BIN)/stagectl demo
@@ -23,7 +23,7 @@ test: $(DEVELOPER)
 	tools/check
 
 docs: $(DEVELOPER)
-	$(BIN)/mkdocs build -q -f mkdocs.yml
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q -f mkdocs.yml
 	@echo "the manual: site/index.html"
 
 # The tests that want a real CAN interface, systemd and a real-time kernel, in a virtual machine (see tools/vm).
@@ -33,6 +33,12 @@ vm: $(DEVELOPER)
 # Every foreign drive in every test (see tests/zoo); `make test` tries a sample of them.
 zoo: $(DEVELOPER)
 	STAGECTL_ZOO=all $(BIN)/pytest -n 2 tests/zoo
+
+# What takes too long for each change: every foreign drive, 50 second masters, 200 stops under attack, the virtual machine.
+nightly: zoo
+	STAGECTL_SECOND_MASTERS=50 $(BIN)/pytest tests/test_second_master.py
+	$(BIN)/python tools/bench/stops.py
+	$(BIN)/python tools/vm
 
 setup: $(DEVELOPER)
 

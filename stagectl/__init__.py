@@ -37,6 +37,7 @@
               command -> drive -> motor -> mechanics <- friction,  encoder -> measured
 
     [8] kernels/rollout.py              law and stage in one compiled loop: `simulate`; the same rows, to the last bit
+        interchange/                    the same stage elsewhere: kernels as C in an FMU, MuJoCo, Isaac Lab: `export`
     [9] evaluation.py, report/run.py    what the motion achieved, in numbers, figures and one page: `report`
 
 **The way of one capture**, from a record of any motion back into the stage file::
@@ -59,7 +60,7 @@
     [14] gap/logs/                      a Session: logs on their periods, nominal model, deployed law
     [15] gap/controller_check/          the command recomputed: did the described controller run?
     [16] gap/residuals/                 unexplained effort and current, sensitivities, Gram matrices
-    [17] gap/selection/                 baseline fit, candidates, search: which effects, with which values
+    [17] gap/selection/                 baseline fit, evidence: which effects, with which values
     [18] gap/inference/                 names, intervals, where the gap lies, what stays unknown
     [19] gap/validation/                held-out runs before and after: how far the gap closes
     [20] gap/experiment_design/         the next experiment: the one that separates what is ambiguous
@@ -69,7 +70,7 @@
     gap/effects/      one record per effect: all of these rooms read it
     gap/diagnose.py   the pipeline [14] to [20]
     twin/             the model next to the axis while it runs: `run --twin`, `gap watch`, `gap drift`
-    tools/studies/    the blind exam of the diagnosis, its baselines, both source papers reproduced, foreign machines
+    tools/studies/    exam, knock-outs and fleets of the diagnosis, both source papers reproduced, foreign machines
 
 **The way of one order**, of a service that runs for months::
 

@@ -35,6 +35,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
         "nm": meta["nm"],
         "cycles": len(samples),
         "late_cycles": int(np.sum(samples["late"])),
+        "effects_limited_cycles": meta.get("effects_limited", 0),
         "saturated_cycles": int(np.sum(samples["command"] != samples["current"])),
         "peak_current": float(np.max(np.abs(samples["current"]), initial=0.0)),
         "travelled": travelled(samples["measured"] * scale),

@@ -12,6 +12,8 @@ EXTRAS = {
     "tables": ("pyarrow",),
     "service": ("fastapi", "uvicorn", "websockets"),
     "mcap": ("mcap",),
+    "mujoco": ("mujoco",),
+    "fmu": ("fmpy",),
     "foxglove": ("foxglove",),
     "exam": ("sklearn",),
 }

@@ -143,7 +143,8 @@ def _plant(p: stage.Stage, frequency: Array, dt: float, stiffness: float = 0.0) 
 
 
 def feedback_current(running: law.Law, error: Array) -> Array:
-    """Current (n,) of the feedback to this `error` (n,) of a reference at rest."""
+    """Current (n,) of the feedback to this `error` (n,) while the axis moves: without the band of a standstill."""
+    running = running._replace(standstill_band=0.0)
     x, current = law.AT_REST, np.empty(len(error))
     for k, value in enumerate(error.tolist()):
         output, x = law.step(running, x, law.Setpoint(0.0, 0.0, 0.0, 0.0), -value)

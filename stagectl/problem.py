@@ -2,9 +2,24 @@
 
 from __future__ import annotations
 
+import difflib
 import enum
 from pathlib import Path
 from typing import NamedTuple
+
+
+def below(place: str, name: str) -> str:
+    """The dotted path of the entry `name` in the block at `place`."""
+    return f"{place}.{name}" if place else name
+
+
+def absent(path: Path) -> str:
+    """What to say of a file that is not there: ``no such file or folder: did you mean config/ball-screw.yaml?``."""
+    folder = path.parent
+    if not folder.is_dir():
+        return f"no such file or folder: there is no folder {folder}"
+    near = difflib.get_close_matches(path.name, [entry.name for entry in folder.iterdir()], 1)
+    return f"no such file or folder: {f'did you mean {folder / near[0]}?' if near else f'see `ls {folder}`'}"
 
 
 class ProblemKind(enum.Enum):

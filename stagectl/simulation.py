@@ -33,7 +33,7 @@ def simulate(setup: Setup, plan: Plan, running: Law, plant: Setup | None = None,
     rows = np.zeros((count, rollout.WIDTH))
     loop = rollout.Loop(running, machine.stage)
     inputs = (plan.setpoints, noise(machine.file.simulation, count, machine.stage.drive.jitter), rows)
-    plant_state = stage.at_rest(machine.stage, 0.0, start)
+    plant_state = stage.at_reading(machine.stage, 0.0, start)
     _run(loop, plant_state, inputs, (setup.dt, machine.file.simulation.substeps))
     return structured(rows)
 
@@ -84,7 +84,7 @@ def simulate_with_friction(
     p = _without_friction(machine)
     noises = noise(machine.file.simulation, len(plan.setpoints), p.drive.jitter)
     rows = np.zeros((len(plan.setpoints), rollout.WIDTH))
-    x, memory = stage.at_rest(p), law.AT_REST
+    x, memory = stage.at_reading(p, 0.0), law.AT_REST
     for k, (setpoint, drawn) in enumerate(zip(plan.setpoints.tolist(), noises.tolist(), strict=True)):
         disturbed = stage.Noise(drawn[0], drawn[1], drawn[2] if len(drawn) > 2 else 0.0)
         measured = stage.measured(p.encoder, x, disturbed)

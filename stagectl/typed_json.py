@@ -20,6 +20,8 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from stagectl.problem import below
+
 _UNIONS = (Union, types.UnionType)
 
 
@@ -44,8 +46,8 @@ def encoded(value: Any, hint: Any) -> Any:
     if get_origin(hint) is tuple:
         return [encoded(part, kind) for part, kind in zip(value, _kinds(hint, len(value)), strict=True)]
     if get_origin(hint) is np.ndarray:
-        return [_number(part) for part in value]
-    return _number(value) if hint is float else value
+        return [finite(part) for part in value]
+    return finite(value) if hint is float else value
 
 
 def decoded(data: Any, hint: Any, place: str = "") -> Any:
@@ -58,7 +60,7 @@ def decoded(data: Any, hint: Any, place: str = "") -> Any:
     if get_origin(hint) is dict or _is_pairs(hint):
         pairs = get_origin(hint) is tuple
         kind = get_args(get_args(hint)[0])[1] if pairs else get_args(hint)[1]
-        entries = {name: decoded(part, kind, _below(place, name)) for name, part in _as(dict, data, place).items()}
+        entries = {name: decoded(part, kind, below(place, name)) for name, part in _as(dict, data, place).items()}
         return tuple(entries.items()) if pairs else entries
     if get_origin(hint) is tuple:
         parts = _as(list, data, place)
@@ -75,12 +77,8 @@ def _record(data: Any, hint: Any, place: str) -> Any:
     unknown = [name for name in given if name not in fields]
     for name in (*missing, *unknown):
         expected = f"an entry of {hint.__name__}" if name in missing else f"one of {', '.join(fields)}"
-        raise TypedJsonError(_below(place, name), given.get(name), expected)
-    return hint(**{name: decoded(part, fields[name], _below(place, name)) for name, part in given.items()})
-
-
-def _below(place: str, name: str) -> str:
-    return f"{place}.{name}" if place else name
+        raise TypedJsonError(below(place, name), given.get(name), expected)
+    return hint(**{name: decoded(part, fields[name], below(place, name)) for name, part in given.items()})
 
 
 def _is_record(hint: Any) -> bool:
@@ -136,5 +134,19 @@ def _float(data: Any, place: str) -> float:
     return float(data)
 
 
-def _number(value: Any) -> float | None:
+def plain(value: Any) -> Any:
+    """A value of any kind as `json` writes it: records by their fields; NaN and infinity are null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "_asdict"):
+        return plain(value._asdict())
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def finite(value: float | None) -> float | None:
+    """The number as JSON can hold it: infinity and NaN are None."""
     return float(value) if value is not None and math.isfinite(value) else None

@@ -65,6 +65,11 @@ class Quantity(NamedTuple):
         below = value < high if self.interval[-1] == ")" else value <= high
         return above and below
 
+    def interval_in(self, unit: str) -> str:
+        """The interval with its ends in `unit`: ``[0, 1.5]`` rad is ``[0, 85.9] deg``."""
+        low, high = (f"{end / factor(unit, self.unit):.3g}" for end in self.bounds())
+        return f"{self.interval[0]}{low}, {high}{self.interval[-1]} {unit}".rstrip()
+
     def bounds(self) -> tuple[float, float]:
         """Both ends of the interval (SI)."""
         low, high = self.interval[1:-1].split(",")
@@ -149,6 +154,19 @@ def factor(unit: str, to: str) -> float:
     return value
 
 
+def in_base_units(unit: str) -> tuple[float, dict[str, int]]:
+    """Scale and exponents of the SI base units, by their symbols, the radian among them: N is ``kg m s^-2``.
+
+    Raises UnitError where the unit is unknown.
+    """
+    try:
+        scales, bases = _expanded(_powers(unit))
+    except _UnknownUnitError as error:
+        raise UnitError(f"unknown unit {unit!r}") from error
+    symbols = dict(names.split()[:2] for names in _BASE if " " in names)
+    return _product(scales), {symbols.get(name, name): exponent for name, exponent in bases.items() if exponent}
+
+
 def _powers(unit: str) -> dict[str, int]:
     """Exponent of each name in `unit`, in the order of their appearance."""
     tidy = " ".join(unit.split())
@@ -210,6 +228,12 @@ def _product(scales: Iterable[tuple[float, int]]) -> float:
     except OverflowError:
         return math.inf
     return value
+
+
+def unit_in(text: str) -> str:
+    """The unit of a quantity that was typed, ``mm`` of ``12 mm``; empty where there is none."""
+    match = _VALUE.fullmatch(text.strip())
+    return match[2].strip() if match else ""
 
 
 def parse(text: str, to: str) -> float:

@@ -102,6 +102,15 @@ def kernels_stay_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STAGECTL_KERNELS", os.environ.get("STAGECTL_KERNELS", "compiled"))
 
 
+@pytest.fixture(autouse=True)
+def signals_stay_as_they_are() -> Iterator[None]:
+    """What blocks a signal here blocks it in every process that a later test starts: none of those would end."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    yield
+    after = signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    assert after == before, after ^ before
+
+
 @pytest.fixture
 def command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Command:
     """``command("config", "check", path)``: (exit code, standard output, standard error), in this process."""
@@ -146,7 +155,7 @@ def child_of(parent: int, module: str) -> int | None:
 
 
 def varied(setup: Setup, **changes: Any) -> Setup:
-    """`setup` with other delays (nd, nm), steps (quantum, step), noise or sub-steps."""
+    """`setup` with other delays (nd, nm), steps (quantum, step), band at standstill, noise or sub-steps."""
     drive, encoder = setup.stage.drive, setup.stage.encoder
     drive = drive._replace(
         delay_samples=changes.get("nd", drive.delay_samples),
@@ -158,8 +167,11 @@ def varied(setup: Setup, **changes: Any) -> Setup:
     simulation = setup.file.simulation._replace(
         **{name: changes[name] for name in ("substeps", "current_noise", "encoder_noise", "seed") if name in changes}
     )
+    control = setup.file.control
+    control = control._replace(standstill_band=changes.get("band", control.standstill_band))
     return setup._replace(
-        stage=setup.stage._replace(drive=drive, encoder=encoder), file=setup.file._replace(simulation=simulation)
+        stage=setup.stage._replace(drive=drive, encoder=encoder),
+        file=setup.file._replace(simulation=simulation, control=control),
     )
 
 

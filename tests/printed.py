@@ -46,6 +46,11 @@ def commands(page: str, blocks: str = "sh") -> list[str]:
     return [line.strip() for block in words for line in block.splitlines() if line.strip()]
 
 
+def python(page: str) -> str:
+    """The Python of a tutorial, all its blocks as one script; the other pages' are listings of `examples/`."""
+    return "\n".join(re.findall(r"(?ms)^```python\n(.*?)^```", text(page))) if page.startswith("tutorial-") else ""
+
+
 class Outcome(NamedTuple):
     """What a line said and made."""
 

@@ -44,11 +44,18 @@ def begun(stage: Path, folder: Path) -> tuple[subprocess.Popen[str], int]:
     return run, members(run.pid)["stagectl.recording.recorder"]
 
 
+def until_rows(run: subprocess.Popen[str], path: Path) -> None:
+    """Wait for the first rows of a run that goes on."""
+    end = time.monotonic() + 120.0
+    while not rows(path):
+        assert time.monotonic() < end and run.poll() is None
+        time.sleep(0.005)
+
+
 def test_a_disk_that_takes_nothing_for_two_seconds(tmp_path: Path, expected: Any) -> None:
     with drive(STAGE, tmp_path / "bus"):
         run, recorder = begun(STAGE, tmp_path)
-        while not rows(tmp_path / "r.h5"):
-            time.sleep(0.005)
+        until_rows(run, tmp_path / "r.h5")
         os.kill(recorder, signal.SIGSTOP)  # as where it sleeps in a write
         before = rows(tmp_path / "r.h5")
         time.sleep(2.0)
@@ -66,8 +73,7 @@ def test_a_disk_that_takes_nothing_for_two_seconds(tmp_path: Path, expected: Any
 def test_a_disk_that_becomes_full(tmp_path: Path, expected: Any) -> None:
     with drive(STAGE, tmp_path / "bus"):
         run, recorder = begun(STAGE, tmp_path)
-        while not rows(tmp_path / "r.h5"):
-            time.sleep(0.005)
+        until_rows(run, tmp_path / "r.h5")
         size = (tmp_path / "r.h5").stat().st_size
         resource.prlimit(recorder, resource.RLIMIT_FSIZE, (size, size))
         out, err = run.communicate(timeout=120)

@@ -14,7 +14,7 @@ SAYS = {
     "01_track_a_sine": "with friction compensation: peak error 0.0",
     "02_identify_from_a_csv": "mechanics.inertia: 0.010 kg m^2 -> 0.011",
     "03_tune": "tuned: 28 Hz",
-    "04_diagnose_a_folder": "viscous_asymmetry probability 1.00",
+    "04_diagnose_a_folder": "viscous_asymmetry probability 0.9",
     "05_a_friction_model_of_your_own": "LuGre: peak error ",
     "06_a_motion_on_the_virtual_drive": "100.0 % of the positions are those of the simulation",
 }

@@ -87,7 +87,6 @@ def test_what_is_missing_is_named(extra: str, without: Any) -> None:
 def test_a_verb_says_what_it_needs_before_it_begins(
     verb: Any, extra: str, arguments: dict[str, Any], without: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stagectl.service.shutdown_signals.hold_back", lambda: None)
     without(EXTRAS[extra][0])
     with pytest.raises(MissingExtraError) as caught:
         verb(**arguments)

@@ -77,7 +77,6 @@ def test_the_lines_below_each_picture_play_its_effect(ball_screw: Setup, tmp_pat
 
 def test_the_reference_names_every_entry() -> None:
     """What the schema knows, the reference shows: counted in two ways."""
-    from stagectl.config.manual_reference import stage_blocks
     from stagectl.config.schema import stage_schema
 
     def keys(node: object) -> set[str]:
@@ -86,7 +85,7 @@ def test_the_reference_names_every_entry() -> None:
             return own.union(*(keys(child) for child in node.values()), set())
         return set().union(*map(keys, node)) if isinstance(node, list) else set()
 
-    shown = {row.key for block in stage_blocks() for row in block.rows}
+    shown = {row.key for block in tool("file_entries").stage_blocks() for row in block.rows}
     tags = {"law", "kind", "form", "fault"}  # shown with the block's title
     assert keys(stage_schema()) - tags == shown - tags
 

@@ -57,7 +57,7 @@ def test_whole_frames_and_a_standstill_at_the_end(ball_screw: Setup) -> None:
 
 def test_a_linear_axis_needs_no_lead(ball_screw: Setup) -> None:
     axis = ball_screw.file.axis._replace(kind="linear", lead=0.0)
-    linear = ball_screw._replace(file=ball_screw.file._replace(axis=axis))
+    linear = ball_screw.having(axis=axis)
     for metres, angles in zip(foresee(linear, SINE), foresee(ball_screw, SINE), strict=True):
         np.testing.assert_allclose(metres * PER_METRE, angles, rtol=1e-12, atol=1e-12)
 

@@ -10,12 +10,13 @@ import pytest
 
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.kernels import law
 from stagectl.plan import plan
 from stagectl.simulation import simulate
-from stagectl.trajectories import SCurve
+from stagectl.trajectories import SCurve, Sine, Trapezoid
 from stagectl.tuning.families import family
 from stagectl.tuning.search import Demand, tuned
-from tests.conftest import CONFIG, Command
+from tests.conftest import CONFIG, Command, varied
 
 STAGES = [CONFIG / "xy.yaml#x", CONFIG / "xy.yaml#y", *sorted(set(CONFIG.glob("*.yaml")) - {CONFIG / "xy.yaml"})]
 LAST = 2.0  # s that are looked at
@@ -24,6 +25,7 @@ LAST = 2.0  # s that are looked at
 def of_bandwidth(axis: str, bandwidth: float, substeps: int = 10) -> Setup:
     """An axis of the X-Y stage with another bandwidth (Hz)."""
     setup = load_stage(CONFIG / f"xy.yaml#{axis}")
+    setup = varied(setup, band=0.0)  # the loop as it is beyond any band
     control, simulation = setup.file.control, setup.file.simulation._replace(substeps=substeps)
     assert isinstance(control, design.Control)
     return setup._replace(
@@ -83,3 +85,50 @@ def test_a_loop_that_would_swing_is_told_before_it_moves(command: Command, tmp_p
     assert "the loop oscillates at 80.3 Hz" in " ".join(err.split())
     _, _, err = command("simulate", path, CONFIG / "trajectories" / "sine-2um.yaml", "-o", tmp_path / "a.h5")
     assert "note: at standstill" in " ".join(err.split())
+
+
+BALL_SCREW = load_stage(CONFIG / "ball-screw.yaml")
+SINE, ONE_COUNT = Sine(5e-3, 1.6, 3, 1), 1.0
+
+
+@pytest.mark.parametrize("distance", [1e-3, -3.1e-3, 5.0037e-3, 10e-3])
+def test_within_the_band_the_demo_rests_where_it_hunted(distance: float) -> None:
+    """One count at most, in 1 % of the samples at most, and 5 mA of current about its mean; without the band more."""
+    rest, hunt = (after_a_move(varied(BALL_SCREW, band=counts), distance) for counts in (ONE_COUNT, 0.0))
+    assert np.ptp(rest["counts"]) <= 1.0
+    assert np.mean(rest["counts"] != np.median(rest["counts"])) <= 0.01
+    assert np.std(rest["current"]) <= 5e-3
+    assert np.std(hunt["current"]) > 2.0 * np.std(rest["current"])
+
+
+def after_a_move(setup: Setup, distance: float) -> dict[str, Any]:
+    """Encoder counts and motor current (A) of the 3 s from 3 s after a move of `distance` (m) on.
+
+    Most targets rest after 0.2 s; one that lies just beyond a count takes up to 3 s to be pulled inside the band.
+    """
+    stop = abs(distance) / 0.02 + 3.0
+    move = Trapezoid(distance, 0.02, 1.0, dwell=6.5)
+    rows = simulate(setup, plan(setup, move, setup.controller.feedforward), setup.controller.law)
+    rows = rows[(rows["time"] > stop) & (rows["time"] < stop + 3.0)]
+    counts = np.round(rows["measured"] / setup.stage.encoder.step)
+    return {"counts": counts, "current": rows["measured_current"]}
+
+
+def test_the_band_changes_no_bit_while_the_reference_moves() -> None:
+    """The tracking rows, from the first to the end of the motion."""
+    on, off = (
+        simulate(setup, plan(setup, SINE, setup.controller.feedforward), setup.controller.law)
+        for setup in (varied(BALL_SCREW, band=ONE_COUNT), varied(BALL_SCREW, band=0.0))
+    )
+    moving = off["time"] < SINE.duration
+    assert np.array_equal(on[moving], off[moving])
+
+
+def test_with_an_observer_there_is_no_band() -> None:
+    """It acts within the band, too, and the axis would go on hunting, wider than without one."""
+    control = BALL_SCREW.file.control._replace(layers=("ptc", "friction", "observer"))
+    assert BALL_SCREW.controller.law.standstill_band == BALL_SCREW.stage.encoder.step
+    watched = design.design(BALL_SCREW.stage, control)
+    error, resting = 0.5 * BALL_SCREW.stage.encoder.step, law.Setpoint(0.0, 0.0, 0.0, 0.0)
+    assert law.acted_on(watched.law, resting, error) == error
+    assert law.acted_on(watched.without({"observer"}).law, resting, error) == 0.0

@@ -43,7 +43,11 @@ def drive(stage: Path, channel: Path) -> Iterator[subprocess.Popen[str]]:
         yield process
     finally:
         process.terminate()
-        process.communicate()
+        try:
+            process.communicate(timeout=120)  # it ends when its axis has no power
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
 
 
 def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path) -> None:
@@ -293,3 +297,40 @@ def test_noise_is_the_same_noise(tmp_path: Path) -> None:
     ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
     assert np.array_equal(ran["measured"], simulated["measured"])
     assert np.std(simulated["error"]) > 1e-5  # there is noise
+
+
+def with_effects(folder: Path) -> Path:
+    """The stage with effects of the friction, of the motor over its angle, and of a cable."""
+    effects = {
+        "  viscous: 0.14 N m s/rad\n": "  viscous_asymmetry: 0.2\n"
+        "  cable: {stiffness: 2e-3 N m/rad, hysteresis: 0.05 N m, slip: 4 mm}\n",
+        "  force_constant: 0.72 N m/A\n": "  cogging: {amplitude: 0.03 N m, order: 4, phase: 0.4 rad}\n",
+    }
+    text = movable(STAGE.read_text())
+    for line, more in effects.items():
+        assert line in text
+        text = text.replace(line, line + more)
+    path = folder / "effects.yaml"
+    path.write_text(re.sub(r"(?m)^    reset: node .*", "    reset: none", text))
+    return path
+
+
+def test_a_model_with_effects_runs_as_it_simulates_and_from_where_the_axis_stands(tmp_path: Path) -> None:
+    """Bit for bit from zero; and from elsewhere the current against the cogging is that of the other place."""
+    stage, away = with_effects(tmp_path), tmp_path / "away.yaml"
+    away.write_text(
+        "{type: s_curve, distance: 2.3 mm, velocity: 20 mm/s, acceleration: 0.5 m/s^2, jerk: 20 m/s^3, one_way: true}"
+    )
+    assert stagectl("simulate", stage, SINE, "-o", tmp_path / "s.h5").returncode == 0
+    with drive(stage, tmp_path / "bus"):
+        for motion, name in ((SINE, "first"), (away, "away"), (SINE, "second")):
+            done = stagectl("run", stage, motion, "--channel", tmp_path / "bus", "-o", tmp_path / f"{name}.h5")
+            assert done.returncode == 0, done.stderr
+    first, second, expected = (open_recording(tmp_path / f"{name}.h5").samples for name in ("first", "second", "s"))
+    for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
+        assert np.array_equal(first[column], expected[column]), column
+    assert open_recording(tmp_path / "second.h5").meta["origin"] == pytest.approx(2.3 / 12.0 * 2.0 * np.pi, abs=2e-3)
+    assert np.array_equal(second["feedforward"], first["feedforward"])
+    assert np.abs(second["friction"] - first["friction"]).max() > 0.02
+    reversed_once = slice(1000, 3000)  # what springs back between two runs is forgotten with the first reversal
+    assert np.abs(second["error"][reversed_once]).max() < 3.0 * np.abs(first["error"][reversed_once]).max()

@@ -11,7 +11,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stagectl.units import LINEAR, ROTARY, Quantity, StageError, UnitError, factor, parse, quantity_of
+from stagectl.units import LINEAR, ROTARY, Quantity, StageError, UnitError, factor, in_base_units, parse, quantity_of
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "exponents"),
+    [
+        ("N m s/rad", 1.0, {"kg": 1, "m": 2, "s": -1, "rad": -1}),
+        ("mm", 1e-3, {"m": 1}),
+        ("V", 1.0, {"kg": 1, "m": 2, "A": -1, "s": -3}),
+        ("rad/rad", 1.0, {}),
+    ],
+)
+def test_exponents_of_the_base_units(unit: str, scale: float, exponents: dict[str, int]) -> None:
+    assert in_base_units(unit) == (scale, exponents)
+
+
+def test_an_unknown_unit_has_no_base_units() -> None:
+    with pytest.raises(UnitError):
+        in_base_units("furlong")
 
 
 @pytest.mark.parametrize(

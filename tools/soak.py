@@ -44,7 +44,7 @@ def loop() -> None:
     from stagectl.recording.ring import Ring
 
     post = pickle.load(sys.stdin.buffer)
-    ring = Ring(post.axes[0].ring, post.width, post.capacity)
+    ring = Ring(*post.axes[0].ring)
 
     class Waiting(Timeline):
         """Simulated time that goes on while the ring has room."""
@@ -114,12 +114,10 @@ class Soak:
 
         self.loop = start("stagectl.realtime.axes", shared, "interpreted") if wall else ours(LOOP, *shared)
         os.close(held)
-        self.loop.send(Post((axis.orders(),), setup.dt, 0, None, len(COLUMNS), axis.ring.capacity, True))
+        self.loop.send(Post((axis.orders(),), setup.dt, 0, None, True))
         self.recorder = ours(RECORDER, axis.ring.descriptor, alive)
         meta: dict[str, Any] = {"name": "soak", "created": "", "axis": {"kind": "rotary"}}
-        self.recorder.send(
-            Order(axis.ring.descriptor, len(COLUMNS), axis.ring.capacity, alive, str(self.path), meta, COLUMNS)
-        )
+        self.recorder.send(Order(axis.ring.place, alive, str(self.path), meta, COLUMNS))
         assert self.recorder.line() == "ready" and self.loop.line()
         self.motion = laid_out(axis.task("sine", Upload(SINE, {})))
 
@@ -168,7 +166,6 @@ def worked(pid: int) -> float:
 def started() -> tuple[float, float, int]:
     """With a CANopen drive that is there, to its configuration: time (s), processor time of it (s), and then KiB."""
     from stagectl.realtime.axes import Post
-    from stagectl.service.axis_controller import COLUMNS
     from stagectl.service.child_process import start
     from stagectl.service.machine import machine
     from tests.service.serving import Served
@@ -178,7 +175,7 @@ def started() -> tuple[float, float, int]:
         try:
             drive.start_drive()
             axis = machine([str(drive.stage)], str(Path(folder) / "bus"))["axis"]
-            post = Post((axis.orders(),), axis.setup.dt, 0, None, len(COLUMNS), axis.ring.capacity, True)
+            post = Post((axis.orders(),), axis.setup.dt, 0, None, True)
             began = time.monotonic()
             loop = start("stagectl.realtime.axes", (axis.ring.descriptor, axis.board.descriptor), "interpreted")
             loop.send(post)

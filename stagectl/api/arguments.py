@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import overload
 
-from stagectl.units import Quantity, StageError, UnitError, parse
+from stagectl.units import Quantity, StageError, UnitError, parse, unit_in
 
 LAYERS = ("ptc", "friction", "effects", "observer")  # that can be switched off
 PathLike = str | os.PathLike[str]
@@ -23,6 +24,14 @@ class ArgumentError(StageError):
         self.name, self.value, self.reason, self.needs = name, value, reason, needs
 
 
+@overload
+def quantity(name: str, value: float | str, declared: Quantity, example: str) -> float: ...
+
+
+@overload
+def quantity(name: str, value: None, declared: Quantity, example: str) -> None: ...
+
+
 def quantity(name: str, value: float | str | None, declared: Quantity, example: str) -> float | None:
     """`value` in SI: a number is in SI already, a text carries its unit.
 
@@ -35,7 +44,8 @@ def quantity(name: str, value: float | str | None, declared: Quantity, example: 
     except UnitError as error:
         raise ArgumentError(name, value, f": {error}; write {example}") from error
     if not declared.admits(number):
-        raise ArgumentError(name, value, f"; must lie in {declared.interval} {declared.unit}".rstrip())
+        unit = unit_in(value) if isinstance(value, str) else declared.unit
+        raise ArgumentError(name, value, f"; must lie in {declared.interval_in(unit)}")
     return number
 
 

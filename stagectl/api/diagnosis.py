@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -11,12 +11,14 @@ import numpy as np
 
 from stagectl.api.arguments import PathLike, paths_of
 from stagectl.api.progress import ProgressOption, reported
+from stagectl.api.record import named_columns
 from stagectl.api.result import ReportedResult, Sheet, drawn, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.extras import require
 from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import excluded
 from stagectl.gap.logs import load_session
+from stagectl.gap.logs.sources import Description
 from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffect, Gap, NextExperiment, Spans
 from stagectl.gap.steps import in_percent
@@ -162,6 +164,8 @@ def diagnose(
     session: PathLike | Sequence[PathLike],
     *,
     stage: StageLike | None = None,
+    columns: Mapping[str, str] | str | None = None,
+    model: Mapping[str, float | str] | PathLike | None = None,
     exclude: Iterable[str] = (),
     full: bool = False,
     advice: bool = True,
@@ -170,15 +174,30 @@ def diagnose(
     """Say where the gap between model and machine lies, which effect causes it, and how far it shrinks.
 
     `session` is a folder of recordings or captures, or one or several logs.  `stage` is the model where the logs carry
-    none.  `exclude` names effects that must not be candidates; `full` takes a larger null ensemble; without `advice` no
-    next experiment is sought.
+    none; without a stage file, `model` is the block ``stage`` of a ``nominal.yaml``: kind, force_constant, inertia, ...
+    (SI), or a MuJoCo model: ``FILE.xml``, ``FILE.xml#JOINT``.  `columns` names the columns of single logs, see
+    `load_log`.  `exclude` names effects that must not be candidates; `full` takes a larger null ensemble; without
+    `advice` no next experiment is sought.
 
     Raises GapError where the logs cannot be diagnosed, RecordingError where they cannot be read.
     """
     places = paths_of(session)
     options = pipeline.Options(excluded(list(exclude)), full, advice)
-    logs = load_session.load(places, None if stage is None else as_stage(stage).setup)
+    said = _described(named_columns(columns), model)
+    logs = load_session.load(places, None if stage is None else as_stage(stage).setup, said)
     with reported(progress, "diagnosis", 100) as update:
         outcome = pipeline.diagnose(logs, options, in_percent(update))
         update(100, 100)
     return GapDiagnosis(places[0], outcome.result, logs, outcome.improved)
+
+
+def _described(columns: Mapping[str, str] | None, model: Mapping[str, float | str] | PathLike | None) -> Description:
+    """What the user says of the logs; a path is that of a MuJoCo model."""
+    if model is None or isinstance(model, Mapping):
+        return Description(columns, model)
+    require("mujoco", "a MuJoCo model as the nominal one")
+    from stagectl.interchange.mujoco_nominal import nominal
+
+    read = nominal(str(model))
+    others = {name: block for name, block in read.blocks.items() if name != "stage"}
+    return Description(columns, read.blocks["stage"], others, read.notes)

@@ -67,6 +67,7 @@ def close_gap(
     rounds: int = 3,
     folder: PathLike | None = None,
     seed: int = 1,
+    repeats: int = gap_closing.REPEATS,
     progress: ProgressOption = False,
     say: Say | None = None,
 ) -> GapClosing:
@@ -82,4 +83,4 @@ def close_gap(
     machine = machine_of(stage, simulate, plant)
     place = unused(f"close-{machine.setup.path.stem}") if folder is None else Path(folder)
     shown = Shown(say or (lambda _: None), partial(reported, progress))
-    return GapClosing(gap_closing.close(gap_closing.Closing(machine, place, rounds, seed), shown))
+    return GapClosing(gap_closing.close(gap_closing.Closing(machine, place, rounds, seed, repeats), shown))

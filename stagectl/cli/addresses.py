@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,17 @@ def foxglove_address(text: str | None) -> tuple[str, int] | None:
         return None
     require("foxglove", "--foxglove")
     return _address("--foxglove", text, 8765)
+
+
+def unit_port(tcp: str) -> str:
+    """The port of an installed service; empty: none.  Raises StageError for a name: systemd resolves none."""
+    if tcp:
+        host, _ = _address("--tcp", tcp, 8402)
+        try:
+            ipaddress.ip_address("127.0.0.1" if host == "localhost" else host.strip("[]"))
+        except ValueError as error:
+            raise StageError(f"--tcp {tcp}; HOST must be an IP address, such as 0.0.0.0 for all of them") from error
+    return tcp
 
 
 def _address(option: str, text: str, usual: int) -> tuple[str, int]:

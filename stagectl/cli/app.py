@@ -8,6 +8,7 @@ quick, and a process that needs no compiler has none in its memory.
 
 from __future__ import annotations
 
+import errno
 import importlib
 import inspect
 import os
@@ -48,6 +49,7 @@ VERBS = {
     "installation": ("doctor", "service"),
     "faults": ("inject", "selftest"),
     "configuration": ("config",),
+    "commission": ("commission",),
     "drive": ("drive",),
     "gap": ("gap",),
 }
@@ -60,7 +62,7 @@ PANELS = {
     "Identify": ("identify",),
     "Diagnose": ("gap",),
     "Service": (*VERBS["service"], *VERBS["scope"], "inject", "service", "doctor"),
-    "Drive": ("drive", "virtual-drive", "selftest"),
+    "Drive": ("commission", "drive", "virtual-drive", "selftest"),
 }
 START = """\
 Real-time control of a precision stage, its simulator, and the gap between the two.  Where to begin:
@@ -155,35 +157,64 @@ def main() -> None:
     """Entry of the command; a user's mistake never ends in a traceback."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # figures go into pages: no window, no toolkit in memory
     try:
-        application(*sys.argv[1:2])()
+        _end(application(*sys.argv[1:2])(standalone_mode=False))
+    except typer.TyperException as error:  # words that are no command, or that a command does not take
+        _fail(_usage(error))
     except ArgumentError as error:
         _fail(f"--{error}" + (f"; add --{error.needs}" if error.needs else ""))
     except StageError as error:
-        _fail(f"{error}{_next(error)}")
+        _fail(_with_next(error))
     except OSError as error:  # a result that cannot be written, a disk that is full
-        _fail(f"{error.filename or 'the system'}: {error.strerror or error}")
+        advice = _ADVICE.get(error.errno or 0, "")
+        _fail(f"{error.filename or 'the system'}: {error.strerror or error}{advice and f'; {advice}'}")
     except KeyboardInterrupt:
         _fail("interrupted", INTERRUPTED)
-    except SystemExit as ended:
-        if ended.code == INTERRUPTED:  # typer has taken the interrupt
-            _fail("interrupted: unwritten results are lost, nothing else has changed", INTERRUPTED)
-        raise
+    except typer.Abort:  # the end of the input where an answer was due
+        _fail("aborted: nothing has changed", 1)
 
 
-def _next(error: StageError) -> str:
-    """The command to type once the file is corrected; empty where no YAML file is at fault."""
+def _end(code: object) -> NoReturn:
+    """Exit as the verb says; typer has taken an interrupt."""
+    if code == INTERRUPTED:
+        _fail("interrupted: unwritten results are lost, nothing else has changed", INTERRUPTED)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """What is wrong with the words that were typed, and the command that shows which are right."""
+    words = error.format_message() if hasattr(error, "format_message") else str(error)
+    context = getattr(error, "ctx", None)
+    return f"{words}\nsee: {context.command_path if context else 'stagectl'} --help"
+
+
+_ADVICE = {
+    errno.EEXIST: "a file is where a folder is needed: choose another path",
+    errno.ENOTDIR: "a file is where a folder is needed: choose another path",
+    errno.EISDIR: "give the path of a file",
+    errno.EACCES: "choose another path, or see `ls -ld` for who may write there",
+    errno.ENOSPC: "make room: see `df -h`",
+}
+
+
+def _with_next(error: StageError) -> str:
+    """The error, and the command to type once the YAML file at fault is corrected."""
     if "stagectl.config.source" not in sys.modules:  # no file was read
-        return ""
+        return str(error)
     from stagectl.cli import configuration
     from stagectl.config.source import ConfigError
 
     problem = error.problems[-1]
     file = problem.file if isinstance(error, ConfigError) and problem.line else None
     if file is None or file.suffix not in (".yaml", ".yml"):
-        return ""
+        return f"{error.problems[0]}{_OTHER_FILE}" if file else str(error)
     if kind := configuration.kind(file):
-        return f"\n{file} is a valid {kind} file, but another kind is expected here: the stage file comes first"
-    return f"\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
+        return (
+            f"{file} is a valid {kind} file, but another kind is expected here: the stage file comes first; see --help"
+        )
+    return f"{error}\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
+
+
+_OTHER_FILE = "\na stage or trajectory file (.yaml) belongs here: see the command with --help"
 
 
 def _fail(words: str, code: int = 2) -> NoReturn:

@@ -52,9 +52,7 @@ def learn(
     commanded = sc.load_trajectory(trajectory).bound(machine.setup)
     base = lay_out(machine.setup, commanded, switched_off(without or (), compensator), folder / "trial-1.h5")
     result = learn_into(machine, base, trials, Shown(console.print, bar), output or folder / "learned.h5")
-    emit(result, json)
-    if result["stopped"]:
-        raise typer.Exit(1)
+    emit(result, json, not result["stopped"])
 
 
 def compare(

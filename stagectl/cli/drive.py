@@ -7,17 +7,61 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli import drive_accept, drive_dump
-from stagectl.cli.drive_dump import Anyway
+from stagectl.cli import drive_accept
 from stagectl.cli.motion import Channel, Json, StageArgument, amperes
 from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, progress
 from stagectl.units import StageError
 
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Read although another master controls the bus; it may disturb that one.")
+]
 drive = typer.Typer(
     help="Read a drive, propose lines for the stage file, accept it before its first motion.", no_args_is_help=True
 )
-drive.command("dump")(drive_dump.dump)
+
+
+@drive.command()
+def dump(
+    stage: StageArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE.dcf", help="Write a DCF, which other tools can write back."),
+    ] = None,
+    changed: Annotated[
+        bool, typer.Option("--changed", help="Only values that differ from the factory settings.")
+    ] = False,
+    channel: Channel = None,
+    anyway: Anyway = False,
+    json: Json = None,
+) -> None:
+    """Read all objects of the drive that its EDS lists; changes nothing.
+
+    Example: stagectl drive dump config/ball-screw.yaml -o drive.dcf
+    """
+    without_compiler()
+    from stagectl.config.stage_file import load_stage
+    from stagectl.drives.canopen.dump import dump as read
+    from stagectl.drives.canopen.dump import write_dcf
+    from stagectl.workflows.motion import line_of, on_channel
+
+    setup = on_channel(load_stage(stage, designed=False), channel)
+    with line_of(setup, console.print, anyway) as (wire, line), progress(f"node {wire.node}", 1) as update:
+        objects = read(wire, line, update)
+    for entry in objects:
+        if not changed or entry.changed:
+            print(_line(entry))
+    refused = [entry for entry in objects if entry.value is None]
+    console.print(
+        f"{len(objects) - len(refused)} objects of node {wire.node} read, {len(refused)} refused, "
+        f"{sum(entry.changed for entry in objects)} not as the EDS' defaults"
+    )
+    if output is not None:
+        write_dcf(objects, wire.eds, wire.node, output)
+        console.print(f"wrote {output}")
+    emit({"node": wire.node, "objects": [_as_json(entry) for entry in objects]}, json)
+
+
 drive.command("accept")(drive_accept.accept)
 drive.command("verify")(drive_accept.verify)
 
@@ -51,14 +95,12 @@ def probe(
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print, anyway) as (wire, line):
-        answers = ask(wire, line, _chosen(preset), amperes("--rated", rated), limits=axis_limits(setup.file))
+        answers = ask(wire, line, _chosen(preset), amperes("rated", rated), limits=axis_limits(setup.file))
     _show(answers)
     changed = [str(change) for change in _written(stage, answers.values)] if write and answers.values else []
     for change in changed:
         console.print(f"written: {change}")
-    emit({**answers._asdict(), "preset": answers.preset.name, "written": changed}, json)
-    if answers.doubts:
-        raise typer.Exit(1)
+    emit({**answers._asdict(), "preset": answers.preset.name, "written": changed}, json, not answers.doubts)
 
 
 @drive.command()
@@ -119,3 +161,15 @@ def _written(stage: Path, values: dict[str, float | int]) -> list[Any]:
     wire = load_stage(stage, designed=False).file.drive.wire
     news = {f"drive.wire.{name}": value for name, value in values.items() if getattr(wire, name) != value}
     return write(stage, stage, news) if news else []
+
+
+def _as_json(entry: Any) -> dict[str, Any]:
+    fields = entry._asdict()
+    return {"index": fields.pop("number"), **fields, "changed": entry.changed}  # a NamedTuple's own `index` is a method
+
+
+def _line(entry: Any) -> str:
+    value = entry.problem if entry.value is None else entry.value
+    number = f" (0x{entry.value:X})" if isinstance(entry.value, int) and entry.value > 9 else ""
+    default = f", factory {entry.default}" if entry.changed else ""
+    return f"{entry.number:04X}_{entry.subindex:02X}  {entry.name}: {value}{number}{default}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -14,9 +14,6 @@ from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.extras import require
 from stagectl.units import StageError
-
-if TYPE_CHECKING:
-    from stagectl.workflows.acceptance.protocol import Step
 
 Key = Annotated[
     Path | None,
@@ -58,16 +55,18 @@ def accept(
     if yes and not virtual(setup):
         raise StageError("--yes is for a virtual drive only: with a real one a person must let each step happen")
     secret = None if key is None else read_key(key)
-    result = perform(setup, Signatory(person, _yes if yes else _typed), console.print, amperes("--current", current))
+    result = perform(
+        setup,
+        Signatory(person, lambda step, words: agreed(step.name, words, yes)),
+        console.print,
+        amperes("current", current),
+    )
     signature = signed(result, secret)
     path = output or Path(f"acceptance-{time.strftime('%Y%m%d-%H%M%S')}")
     for file in write_pages(result, signature, path):
         console.print(f"wrote {file}")
-    emit(signature, json)
-    if not result.accepted:
-        console.print("NOT ACCEPTED: do not run this axis")
-        raise typer.Exit(1)
-    console.print("accepted")
+    console.print("accepted" if result.accepted else "NOT ACCEPTED: do not run this axis")
+    emit(signature, json, result.accepted)
 
 
 def verify(
@@ -86,18 +85,13 @@ def verify(
     accepted = bool(content["accepted"])
     state = "accepted" if accepted else "NOT ACCEPTED"
     console.print(f"{content['stage']}: {state}, {content['person']}, {content['date']}; unchanged since")
-    emit(content, json)
-    if not accepted:
-        raise typer.Exit(1)
+    emit(content, json, accepted)
 
 
-def _yes(step: Step, words: str) -> bool:
-    console.print(f"{step.name}: {words}")
-    return True
-
-
-def _typed(step: Step, words: str) -> bool:
-    """Whether a person types the word; the end of the input, or any other word, is a no."""
-    console.print(f"\n{step.name}: {words}")
-    console.print(f"type {_WORD} and Enter to let it happen; anything else ends the acceptance")
+def agreed(name: str, words: str, yes: bool) -> bool:
+    """Whether a person types the word; any other word, or the end of the input, is a no.  `yes`: nobody is asked."""
+    console.print(f"{name}: {words}")
+    if yes:
+        return True
+    console.print(f"type {_WORD} and Enter to let it happen; anything else ends it here")
     return sys.stdin.readline().strip() == _WORD

@@ -8,11 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
+from stagectl.api.arguments import quantity
 from stagectl.cli.motion import Channel, Json, StageArgument, amperes
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, progress, typed, typed_files
 from stagectl.extras import require
-from stagectl.units import StageError
+from stagectl.units import Quantity, StageError
 
 
 def inject(
@@ -66,33 +67,27 @@ def selftest(
     without_compiler()
     if report is not None:
         require("report", "--report")
-    from stagectl.selftest import result
+    from stagectl.selftest import matrix, remote
     from stagectl.workflows.motion import drive_present
 
     setup = _checked(stage)
     gentle = _gentle(setup, current, travel)
     with drive_present(setup, console.print) if gentle else contextlib.nullcontext():
-        tried = result.bench(setup, only, gentle)
+        tried = remote.bench(setup, only, gentle)
         with progress("selftest", len(tried.rows) * len(tried.states)) as update:
-            estimate = result.run(setup, tried, signed, typed(), update)
+            estimate = matrix.run(setup, tried, signed, typed(), update)
     _show_result(estimate, report)
-    emit(estimate, json)
-    if estimate["passed"] < len(estimate["faults"]):
-        raise typer.Exit(1)
+    emit(estimate, json, estimate["passed"] == len(estimate["faults"]))
 
 
 def _gentle(setup: Any, current: str | None, travel: str) -> Any:
     """Current and travel (axis units) for a test of the real drive; None without a current."""
     from stagectl.selftest.remote import Gentle
-    from stagectl.units import UnitError, parse
 
-    axis, most = setup.file.axis, amperes("--current", current)
-    if most is None:
-        return None
-    try:
-        return Gentle(most, parse(travel, axis.travel_unit) / axis.travel_per_unit)
-    except UnitError as error:
-        raise StageError(f"--travel {travel}: {error}") from error
+    axis, most = setup.file.axis, amperes("current", current)
+    declared = Quantity(axis.travel_unit, "[-inf, inf]", "distance of one move")
+    way = quantity("travel", travel, declared, f"it such as '5 m{axis.travel_unit}'")
+    return None if most is None else Gentle(most, way / axis.travel_per_unit)
 
 
 def _show_result(result: dict[str, Any], report: Path | None) -> None:
@@ -103,7 +98,6 @@ def _show_result(result: dict[str, Any], report: Path | None) -> None:
     if report is not None:
         from stagectl.report.selftest import page
 
-        report.parent.mkdir(parents=True, exist_ok=True)
         console.print(f"report: {page(result, report, typed_files())}")
 
 

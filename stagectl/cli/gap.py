@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli import gap_apply, gap_close, gap_diagnose, gap_fleet, gap_knock, gap_next, gap_twin
+from stagectl.cli import gap_apply, gap_close, gap_diagnose, gap_next, gap_twin
 from stagectl.cli.comparison import Simulate, engine
+from stagectl.cli.gap_diagnose import names
 from stagectl.cli.motion import Channel, Json, Plant, StageArgument
 from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
@@ -38,11 +39,10 @@ for name, verb in (
     ("next", gap_next.following),
     ("watch", gap_twin.watch),
     ("drift", gap_twin.drift),
-    ("knock", gap_knock.knock),
-    ("fleet", gap_fleet.fleet),
 ):
     gap.command(name)(verb)
-add(gap, "exam")
+for name in ("knock", "fleet", "exam"):
+    add(gap, name)
 
 
 @gap.command()
@@ -73,7 +73,7 @@ def record(
     from stagectl.workflows.trials import Shown
 
     machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
-    experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), _names(only), _names(skip))
+    experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), names(only), names(skip))
     folder = output or unused(f"gap-{stage.stem}")
     chosen_seed = (machine.plant or machine.setup).file.simulation.seed if seed is None else seed
     campaign = many.planned(machine, experiments, repeats, folder, chosen_seed)
@@ -84,11 +84,4 @@ def record(
         console.print("one repeat only: chance variation cannot be separated from the gap; use --repeats 3")
     if not result["stopped"]:
         console.print(f"recorded: {folder}; next: stagectl gap diagnose {folder}")
-    emit(result, json)
-    if result["stopped"]:
-        raise typer.Exit(1)
-
-
-def _names(options: list[str] | None) -> list[str]:
-    """Names from options that may each hold several."""
-    return [name.strip() for text in options or () for name in text.split(",") if name.strip()]
+    emit(result, json, not result["stopped"])

@@ -19,6 +19,10 @@ Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="NEW.yaml", help="Write a copy; STAGE.yaml stays unchanged.")
 ]
 Only = Annotated[str | None, typer.Option("--only", metavar="NAME,...", help="Only these effects, named or not.")]
+Choose = Annotated[
+    list[str] | None,
+    typer.Option("--choose", metavar="NAME", help="This alternative instead of the effect that it may replace."),
+]
 Unknown = Annotated[bool, typer.Option("--unknown", help="Also add the unknown part as a table.")]
 Yes = Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")]
 _COLOURS = {"+": "green", "-": "red", "@": "cyan", "#": "dim"}
@@ -29,6 +33,7 @@ def apply(
     stage: StageArgument,
     output: Output = None,
     only: Only = None,
+    choose: Choose = None,
     unknown: Unknown = False,
     yes: Yes = False,
     json: Json = None,
@@ -39,10 +44,10 @@ def apply(
     """
     from rich.text import Text
 
-    from stagectl.gap.result.patch import applied, patch_of
+    from stagectl.gap.result.patch import applied, patch_of, with_choices
     from stagectl.gap.result.result_json import load
 
-    diagnosis = load(folder)
+    diagnosis = with_choices(load(folder), choose or ())
     patch = patch_of(diagnosis, stage, [name.strip() for name in only.split(",")] if only else (), unknown)
     for line in patch.diff:
         console.print(Text(line, style=_COLOURS.get(line[:1], "")))

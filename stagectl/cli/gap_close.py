@@ -23,15 +23,22 @@ def close(
     simulate: Simulate = False,
     plant: Plant = None,
     seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of noise and order.")] = 1,
+    write: Annotated[bool, typer.Option("--write", help="Put the model into STAGE.yaml; --back undoes it.")] = False,
+    back: Annotated[bool, typer.Option("--back", help="Only put the version of STAGE.yaml before it back.")] = False,
     channel: Channel = None,
     json: Json = None,
 ) -> None:
     """Record, diagnose, apply and compare on the machine, again until the tracking error shrinks no more.
 
-    STAGE.yaml stays as it is. Each model stands in FOLDER: stage-0.yaml is the one you began with.
+    Each model stands in FOLDER: stage-0.yaml is the one you began with. STAGE.yaml stays as it is without --write.
 
     Example: stagectl gap close config/ball-screw.yaml --simulate --plant machine.yaml
     """
+    from stagectl.workflows import stage_versions
+
+    if back:
+        console.print(f"{stage} is what it was; that version stood in {stage_versions.back(stage)}")
+        return
     require("report", "the page")
     engine(simulate)
     import stagectl as sc
@@ -47,4 +54,8 @@ def close(
         progress=True,
         say=console.print,
     )
-    deliver(closed, Path(closed.result["folder"]) / "closed.html", json)
+    page = Path(closed.result["folder"]) / "closed.html"
+    deliver(closed, page, json)
+    if write and closed.result["rounds"]:
+        kept = stage_versions.replaced(stage, closed.model.read_text(encoding="utf-8"), [page])
+        console.print(f"wrote {stage}; what it was stands in {kept}: `stagectl gap close {stage} --back`")

@@ -7,16 +7,26 @@ from typing import Annotated
 
 import typer
 
+from stagectl.cli.identification import Columns
 from stagectl.cli.motion import Json
 from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, typed, typed_files
 from stagectl.extras import require
+from stagectl.units import StageError
+
+_EXAMPLE = "kind=rotary,force_constant=0.05,inertia=1e-4"
 
 Folder = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
 ]
 StageFile = Annotated[
     Path | None, typer.Option("--stage", metavar="STAGE.yaml", help="The model, where the logs carry none.")
+]
+Model = Annotated[
+    str | None,
+    typer.Option(
+        "--model", metavar="VALUES", help=f"Without a stage file: {_EXAMPLE} (SI), or a MuJoCo model: FILE.xml[#JOINT]."
+    ),
 ]
 Exclude = Annotated[
     list[str] | None,
@@ -40,10 +50,33 @@ Output = Annotated[
 ]
 
 
+def names(options: list[str] | None) -> list[str]:
+    """Names from options that may each hold several."""
+    return [name.strip() for text in options or () for name in text.split(",") if name.strip()]
+
+
+def _values(model: str | None) -> dict[str, float | str] | str | None:
+    """The values of `--model`, numbers as such, or its file.  Raises StageError where an entry is not NAME=VALUE."""
+    if model is None or model.partition("#")[0].endswith(".xml"):
+        return model
+    values: dict[str, float | str] = {}
+    for entry in model.split(","):
+        name, equals, text = (part.strip() for part in entry.partition("="))
+        if not equals or not name or not text:
+            raise StageError(f"--model {model}: {entry!r} must be NAME=VALUE, such as {_EXAMPLE}")
+        try:
+            values[name] = float(text)
+        except ValueError:
+            values[name] = text
+    return values
+
+
 def diagnose(
     folder: Folder,
     json: Json = None,
     stage: StageFile = None,
+    columns: Columns = None,
+    model: Model = None,
     exclude: Exclude = None,
     predictions: Predictions = None,
     report: Report = None,
@@ -61,8 +94,15 @@ def diagnose(
     from stagectl.gap.result.result_json import save
     from stagectl.report.page import write
 
-    model = None if stage is None else sc.load_stage(stage)
-    answer = sc.diagnose(folder, stage=model, exclude=exclude or (), full=full, progress=True)
+    answer = sc.diagnose(
+        folder,
+        stage=None if stage is None else sc.load_stage(stage),
+        columns=columns,
+        model=_values(model),
+        exclude=exclude or (),
+        full=full,
+        progress=True,
+    )
     target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
     target.mkdir(parents=True, exist_ok=True)
     stored = save(answer.diagnosis, target)

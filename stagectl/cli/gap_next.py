@@ -41,23 +41,18 @@ def following(
 
     diagnosis = load(folder)
     proposal = diagnosis.next_experiment
-    for line in (
-        verdict_text.advice(diagnosis)
-        if proposal
-        else ["no experiment is proposed: these data leave nothing that one tells"]
-    ):
+    nothing = ["no experiment is proposed: these data leave nothing that one tells"]
+    for line in verdict_text.advice(diagnosis) if proposal else nothing:
         console.print(line)
     written = _written(diagnosis, proposal, folder, output) if proposal else None
     if samples is not None and written is not None:
         _sampled(diagnosis, written, rate, samples)
-    emit(
-        {"next_experiment": proposal._asdict() if proposal else None, "written": str(written) if written else None},
-        json,
-    )
     asked = output or samples
-    if asked is not None and written is None:
+    missed = asked is not None and written is None
+    if missed:
         console.print(f"{asked} is not written: there is no trajectory to write")
-        raise typer.Exit(1)
+    files = {"next_experiment": proposal._asdict() if proposal else None, "written": str(written) if written else None}
+    emit(files, json, not missed)
 
 
 def _written(diagnosis: DiagnosisResult, proposal: NextExperiment, folder: Path, output: Path | None) -> Path | None:

@@ -9,8 +9,9 @@ from rich.table import Table
 from stagectl.cli.show import console
 from stagectl.gap.effects import library
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import NAMED, DiagnosisResult, FoundEffect, Gap
-from stagectl.number_format import interval, percent, together
+from stagectl.gap.result.diagnosis import NAMED, DiagnosisResult
+from stagectl.number_format import interval, percent
+from stagectl.report.tables.gap import gaps
 
 MOST_COORDINATES = 3
 MOST_SPANS = 8
@@ -23,10 +24,7 @@ def show(diagnosis: DiagnosisResult, folder: Path) -> None:
         console.print(_effects(diagnosis))
     if diagnosis.verdict != "controller":
         console.print(_gaps(diagnosis))
-    for line in (
-        *_where(diagnosis),
-        *verdict_text.lines(diagnosis),
-    ):
+    for line in (*_where(diagnosis), *verdict_text.lines(diagnosis)):
         console.print(line)
     for line in _commands(diagnosis, folder):
         console.print(line, style="bold")
@@ -36,41 +34,20 @@ def _effects(diagnosis: DiagnosisResult) -> Table:
     table = Table("effect", "in", "share", "probability", "parameters (95 %)")
     for effect in diagnosis.effects:
         probability = f"{effect.probability:.2f}" + ("" if effect.probability >= NAMED else ", not named")
-        table.add_row(
-            verdict_text.candidates(effect),
-            effect.block,
-            percent(effect.share),
-            probability,
-            _parameters(effect, diagnosis),
-        )
+        values = [
+            f"{name.replace('_', ' ')} {interval(name, value, diagnosis.travel)}"
+            for name, value in effect.parameters.items()
+        ]
+        names, share = verdict_text.candidates(effect), percent(effect.share)
+        table.add_row(names, effect.block, share, probability, "\n".join(values))
     return table
-
-
-def _parameters(effect: FoundEffect, diagnosis: DiagnosisResult) -> str:
-    shown = (
-        f"{name.replace('_', ' ')} {interval(name, value, diagnosis.travel)}"
-        for name, value in effect.parameters.items()
-    )
-    return "\n".join(shown)
 
 
 def _gaps(diagnosis: DiagnosisResult) -> Table:
-    table = Table("held-out runs, rms", "before", "after", "floor", "unit", "closed (95 %)")
-    known = {"position" if diagnosis.gap.unit in ("rad", "m") else "effort": diagnosis.gap, **diagnosis.gaps}
-    for name, value in known.items():
-        table.add_row(verdict_text.gap_label(name), *_gap(value, diagnosis))
+    table = Table(f"{diagnosis.judged_on}, rms", "before", "after", "floor", "unit", "closed (95 %)")
+    for name, before, after, unit, _, floor, closed in gaps(diagnosis).rows:
+        table.add_row(name, before, after, floor, unit, closed)
     return table
-
-
-def _gap(gap: Gap, diagnosis: DiagnosisResult) -> list[str]:
-    (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, diagnosis.travel)
-    return [
-        before,
-        after,
-        floor,
-        unit,
-        "nothing to close" if diagnosis.verdict == "none" else verdict_text.closure(gap),
-    ]
 
 
 def _where(diagnosis: DiagnosisResult) -> list[str]:
@@ -84,9 +61,8 @@ def _where(diagnosis: DiagnosisResult) -> list[str]:
         f"{library.coordinate_label(coordinate.name)} {percent(coordinate.share)}" for coordinate in ranked
     )
     lines = [f"where in the loop: {blocks}"] + ([f"what it follows: {follows}"] if ranked else [])
-    spans = verdict_text.spans(
-        diagnosis._replace(captures=tuple(capture for capture in diagnosis.captures if capture.spans))
-    )
+    open_ones = tuple(capture for capture in diagnosis.captures if capture.spans)
+    spans = verdict_text.spans(diagnosis._replace(captures=open_ones))
     more = [f"and {len(spans) - MOST_SPANS} more captures"] if len(spans) > MOST_SPANS else []
     return [*lines, *(f"open in {span}" for span in spans[:MOST_SPANS]), *more]
 

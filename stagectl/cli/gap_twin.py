@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
 
 _POLL = 0.25  # s
 _SILENCE = 5.0  # s without a snapshot, after which the twin's process is looked for
+_WORDS = ("parameter", "unit", "check", "residual", "meaning")  # heads of columns that hold words
 _STYLES = {"none": "green", "effects": "bold yellow", "controller": "bold red"}
 
 
@@ -77,31 +77,17 @@ def _ended(now: dict[str, Any]) -> str:
     if now["ended"]:
         return f"the run has ended: {now['ended']}"
     silent = time.time() - now["written"]
-    if silent > _SILENCE and not _lives(now["process"]):
+    if silent > _SILENCE and not Path(f"/proc/{now['process']}").exists():
         return f"the twin's process {now['process']} has ended; its last record is {duration(silent)} old"
     return ""
 
 
-def _lives(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
-
-
 def _table(now: dict[str, Any]) -> Group:
     from rich.console import Group
-    from rich.table import Table
 
     effort = Quantity("N m | N", "", "").unit_for(now["kind"])
-    cuts = Table(
-        title=f"{now['name']}: {now['time']:.1f} s of the run, last {now['covered']:.0f} s", title_justify="left"
-    )
-    for title in ("check", "residual", "meaning"):
-        cuts.add_column(title)
+    title = f"{now['name']}: {now['time']:.1f} s of the run, last {now['covered']:.0f} s"
+    cuts = _titled(title, "check", "residual", "meaning")
     residual = now["residual"]
     cuts.add_row("A controller", _number(residual["controller"], "A"), "command - recomputed command, largest")
     cuts.add_row("B drive", _number(residual["drive"], "A"), "measured - expected current, rms")
@@ -111,24 +97,22 @@ def _table(now: dict[str, Any]) -> Group:
 
 
 def _drifts(now: dict[str, Any]) -> Table:
+    table = _titled("against the model", "parameter", "now", "95 %", "model", "unit")
+    for name, drift in now["drift"].items():
+        value, half, unit = f"{drift['value']:.4g}", f"± {1.96 * drift['error']:.2g}", drift["unit"]
+        if not drift["told"]:
+            value, half, unit = "-", "", f"{unit}  not determined by this motion".strip()
+        table.add_row(name, value, half, f"{drift['nominal']:.4g}", unit)
+    return table
+
+
+def _titled(title: str, *heads: str) -> Table:
+    """A table without rows yet; numbers stand on the right of their columns, words on the left."""
     from rich.table import Table
 
-    table = Table(title="against the model", title_justify="left")
-    for title in ("parameter", "now", "95 %", "model", "unit"):
-        table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
-    for name, drift in now["drift"].items():
-        if drift["told"]:
-            table.add_row(
-                name,
-                f"{drift['value']:.4g}",
-                f"± {1.96 * drift['error']:.2g}",
-                f"{drift['nominal']:.4g}",
-                drift["unit"],
-            )
-        else:
-            table.add_row(
-                name, "-", "", f"{drift['nominal']:.4g}", f"{drift['unit']}  not determined by this motion".strip()
-            )
+    table = Table(title=title, title_justify="left")
+    for head in heads:
+        table.add_column(head, justify="left" if head in _WORDS else "right")
     return table
 
 
@@ -157,15 +141,11 @@ def drift(
 
     Example: stagectl gap drift recordings/twin-ball-screw-stage-A.jsonl
     """
-    from rich.table import Table
-
     from stagectl.twin.drift import drift as trends_of
     from stagectl.twin.record import read
 
     drifts = trends_of(read(file), axis)
-    table = Table(title=f"{file}", title_justify="left")
-    for title in ("parameter", "at first", "a day", "95 %", "unit", "lines", "days"):
-        table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
+    table = _titled(str(file), "parameter", "at first", "a day", "95 %", "unit", "lines", "days")
     for trend in drifts.trends:
         values = (f"{trend.start:.4g}", f"{trend.slope:+.3g}", f"± {trend.half:.2g}", trend.unit)
         table.add_row(

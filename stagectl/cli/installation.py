@@ -44,9 +44,7 @@ def doctor(
             console.print(f"       {check.fix}")
     fit = all(check.good for check in checks)
     rows = [{"name": check.name, "good": check.good, "words": check.words, "mend": check.fix} for check in checks]
-    emit({"checks": rows, "fit": fit}, json)
-    if not fit:
-        raise typer.Exit(1)
+    emit({"checks": rows, "fit": fit}, json, fit)
 
 
 @service.command("install")
@@ -61,12 +59,13 @@ def install(
 
     Example: sudo stagectl service install /etc/stagectl/stage.yaml
     """
+    from stagectl.cli.addresses import unit_port
     from stagectl.config.stage_file import load_stage
     from stagectl.service import install as systemd
     from stagectl.service.machine import named, together
 
     read = tuple((name, path.absolute(), load_stage(path)) for name, path in named(stages).items())
-    installation = systemd.Installation(read, systemd.interpreter(), tcp, together(stages))
+    installation = systemd.Installation(read, systemd.interpreter(), unit_port(tcp), together(stages))
     _tell(systemd.install(installation, root, not no_start), json)
 
 

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stagectl.api.arguments import quantity
 from stagectl.cli.process import single_threaded_algebra, without_compiler
 from stagectl.cli.show import console, emit, message_event, stream, summary, tell, typed
 from stagectl.extras import require
+from stagectl.units import Quantity
 
 if TYPE_CHECKING:
     from stagectl.api.stage import DesignedStage
@@ -53,24 +55,24 @@ ResetFault = Annotated[
 Plant = Annotated[
     Path | None, typer.Option(metavar="PLANT.yaml", help="The simulated machine, where it differs from the model.")
 ]
+MachineOfTheDay = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        max=2**31 - 1,
+        metavar="SEED",
+        help="A machine drawn around the model: parameters, friction and effects that nobody has seen; 0: the model.",
+    ),
+]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
+_CURRENT = Quantity("A", "(0, 1000]", "largest current")
 # Rows of a motion that kernels go through interpreted, in the time that it takes to load them, or to compile them.
 _UNLOADED, _UNCOMPILED = 40_000, 200_000
 
 
 def amperes(option: str, text: str | None) -> float | None:
-    """The current (A) that an option of this name states, or None without it.  Raises StageError."""
-    from stagectl.units import StageError, UnitError, parse
-
-    if text is None:
-        return None
-    try:
-        value = parse(text, "A")
-    except UnitError as error:
-        raise StageError(f"{option} {text}: {error}") from error
-    if not 0.0 < value <= 1000.0:
-        raise StageError(f"{option} {text}; must lie in (0, 1000] A")
-    return value
+    """The current (A) that an option of this name states, or None without it.  Raises ArgumentError."""
+    return quantity(option, text, _CURRENT, "it such as '1.2 A'")
 
 
 def run(
@@ -91,9 +93,11 @@ def run(
 
     Example: stagectl run config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
     """
-    without_compiler()
+    single_threaded_algebra()
     import stagectl as sc
+    from stagectl.kernels.jit import interpret_first
 
+    interpret_first(_UNLOADED)  # a plain motion needs no compiler in memory; the inverse of a whole model does
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
     result = sc.run(
         _noted(stage).on_channel(channel),
@@ -109,11 +113,9 @@ def run(
     ).summary
     console.print(summary(result))
     console.print(f"recorded: {result['recording']}")
-    emit(result, json)
     if result["fault"]:
         console.print(f"next, once that is fixed: {typed()}")
-    if not result["in_position"]:
-        raise typer.Exit(1)
+    emit(result, json, result["in_position"])
 
 
 def simulate(
@@ -143,9 +145,7 @@ def simulate(
     result = {**run.summary, "recording": str(written)}
     console.print(f"simulated: {summary(result)}")
     console.print(f"recorded: {written}")
-    emit(result, json)
-    if not result["in_position"]:
-        raise typer.Exit(1)
+    emit(result, json, result["in_position"])
 
 
 def virtual_drive(
@@ -154,6 +154,8 @@ def virtual_drive(
     seed: Annotated[
         int | None, typer.Option(min=0, max=2**31 - 1, help="Of its noise, instead of the stage file's.")
     ] = None,
+    machine_of_the_day: MachineOfTheDay = 0,
+    reveal: Annotated[bool, typer.Option("--reveal", help="Say what was drawn for the machine of the day.")] = False,
     follow: Annotated[
         bool, typer.Option(hidden=True, help="Leave when the process that started this one dies.")
     ] = False,
@@ -178,6 +180,12 @@ def virtual_drive(
     setup = on_channel(load_stage(stage), channel)
     if seed is not None:
         setup = reseeded(setup, seed)
+    if machine := machine_of_the_day or setup.file.virtual_drive.machine_of_the_day:
+        from stagectl.workflows.machine_of_the_day import drawn
+
+        setup, hidden = drawn(setup, machine)
+        if reveal:
+            console.print("\n  ".join([f"machine of the day {machine}:", *hidden.lines]), markup=False)
     wire = setup.file.drive.wire
     if isinstance(wire, Odrive):
         serve_odrive(setup, wire, _reporter(json), lambda: bool(stopped))

@@ -11,13 +11,22 @@ import typer
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, typed
 from stagectl.extras import require
+from stagectl.units import StageError
 
 if TYPE_CHECKING:
     from stagectl.recording.hdf5 import Recording
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING.h5", help="A recording.")]
-Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING.h5...", help="Recordings.")]
-Format = enum.StrEnum("Format", "csv parquet mat mcap folder trajectory")  # of `stagectl.recording.exports`
+Exported = Annotated[
+    list[Path],
+    typer.Argument(metavar="RECORDING.h5... | STAGE.yaml", help="Recordings; for a simulator, a stage file."),
+]
+Format = enum.StrEnum("Format", "csv parquet mat mcap folder trajectory mujoco fmu isaac")
+SIMULATORS = (
+    Format.mujoco,
+    Format.fmu,
+    Format.isaac,
+)  # of `stagectl.interchange`; the others are of `stagectl.recording.exports`
 Where = Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Output file or folder.")]
 
 
@@ -33,7 +42,6 @@ def report(recording: RecordingArgument, output: Where = None, json: Json = None
 
     run_page = page(open_recording(recording), [typed()])
     path = output or recording.with_suffix(".html")
-    path.parent.mkdir(parents=True, exist_ok=True)
     console.print(run_page.answer)
     console.print(f"report: {write(run_page, path)}")
     emit({"answer": run_page.answer, "report": str(path)}, json)
@@ -49,21 +57,62 @@ def replay(recording: RecordingArgument, json: Json = None) -> None:
 
     comparison = again(open_recording(recording))
     console.print(comparison["words"])
-    emit(comparison, json)
-    if not comparison["identical"]:
-        raise typer.Exit(1)
+    emit(comparison, json, comparison["identical"])
 
 
 def export(
-    recordings: Recordings,
-    to: Annotated[Format, typer.Option(help="Format; `folder` takes several recordings.")],
+    files: Exported,
+    to: Annotated[
+        Format,
+        typer.Option(help="Format; `folder` takes several recordings, `mujoco`, `fmu` and `isaac` a stage file."),
+    ],
     output: Where = None,
     json: Json = None,
 ) -> None:
-    """Export recordings: csv, parquet, mat, mcap, a trajectory, or a folder of captures.
+    """Export recordings (csv, parquet, mat, mcap, trajectory, folder of captures), or a stage (mujoco, fmu, isaac).
 
     Example: stagectl export recordings/a.h5 recordings/b.h5 --to folder -o captures
+    Example: stagectl export config/ball-screw.yaml --to mujoco -o ball-screw.xml
+    Example: stagectl export config/ball-screw.yaml --to fmu -o ball-screw.fmu
     """
+    stages = [path for path in files if path.suffix in (".yaml", ".yml") or "#" in path.name]
+    if to in SIMULATORS:
+        if len(files) > 1 or not stages:
+            raise StageError(f"--to {to} takes one stage file: stagectl export STAGE.yaml --to {to}")
+        _export_model(stages[0], to, output, json)
+    elif stages:
+        known = ", ".join(SIMULATORS)
+        raise StageError(f"{stages[0]} is a stage file, and --to {to} takes recordings; a stage file goes --to {known}")
+    else:
+        _export_recordings(files, to, output, json)
+
+
+def _export_model(stage: Path, to: Format, output: Path | None, json: Json) -> None:
+    require("report", "the page of the export")
+    from stagectl.config.stage_file import load_stage
+    from stagectl.interchange import export as models
+    from stagectl.report.interchange import answer, page
+    from stagectl.report.page import write
+
+    path = models.SIMULATORS[to.value].file(stage, output)
+    setup = load_stage(stage)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    exported = models.SIMULATORS[to.value].write(setup, path)
+    for file in exported.files:
+        console.print(f"wrote {file}")
+    report_file = write(page(setup, exported, typed()), exported.files[0].with_suffix(".html"))
+    for words in (*(f"not held: {entry}" for entry in exported.lost), *exported.notes):
+        console.print(words, markup=False)
+    console.print(answer(exported))
+    console.print(f"report: {report_file}")
+    differences = {
+        name: dict(zip(("of_motion", "of_friction"), worst, strict=True)) for name, worst in exported.worst().items()
+    }
+    written = {"files": [str(file) for file in exported.files], "report": str(report_file)}
+    emit({**written, "lost": exported.lost, "notes": list(exported.notes), "differences": differences}, json)
+
+
+def _export_recordings(recordings: list[Path], to: Format, output: Path | None, json: Json) -> None:
     from stagectl.recording import exports
     from stagectl.recording.hdf5 import open_recording
 

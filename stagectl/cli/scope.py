@@ -8,13 +8,16 @@ from typing import Annotated, Any
 
 import typer
 
+from stagectl.api.arguments import quantity
 from stagectl.api.progress import terminal
 from stagectl.cli.motion import Json
 from stagectl.cli.service import AxisName, Socket, ask_service
 from stagectl.cli.show import console, emit, progress
-from stagectl.units import UnitError, parse
+from stagectl.units import Quantity
 
 _LOOK = 0.1  # s between two looks at a recording
+_LONGEST = 86400.0  # s of a recording without an end
+_TIME, _SHARE = Quantity("s", "[-inf, inf]", "time; the service knows its range"), Quantity("", "[-inf, inf]", "share")
 
 
 def scope(
@@ -51,8 +54,8 @@ def scope(
     request = {
         "axis": axis,
         "channels": names,
-        "span": _number(span, "s", "--span"),
-        "before": _number(before, "", "--before"),
+        "span": quantity("span", span, _TIME, "it such as '1 s'"),
+        "before": quantity("before", before, _SHARE, "it such as '20 %' or 0.2"),
         "points": 100_000 if json is not None else 2 * max(terminal().width - 12, 20),
         "trigger": read(trigger) if trigger else None,
         "mode": ("single" if trigger else "auto") if once else "normal" if trigger else "auto",
@@ -92,11 +95,10 @@ def _about(machine: dict[str, Any], axis: str) -> tuple[str, dict[str, Any]]:
 
 
 def _as_json(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> dict[str, Any]:
-    def plain(values: Any) -> list[float | None]:
-        return [None if value != value else value for value in values.tolist()]
+    from stagectl.typed_json import finite
 
     channels = {
-        name: {"unit": about[name]["unit"], "low": plain(low), "high": plain(high)}
+        name: {"unit": about[name]["unit"], "low": [*map(finite, low)], "high": [*map(finite, high)]}
         for name, low, high in zip(names, capture.low, capture.high, strict=True)
     }
     times = {"step": capture.step, "triggered": capture.triggered, "time": capture.time.tolist()}
@@ -130,8 +132,9 @@ def record(
 
     Example: stagectl record --for "10 s" -o recordings/now.h5
     """
-    seconds = _number(time_, "s", "--for") if time_ else 86400.0
-    body = {"axis": axis, "name": name, "before": _number(before, "s", "--before"), "seconds": seconds}
+    seconds = quantity("for", time_, _TIME, "it such as '10 s'") if time_ else _LONGEST
+    past = quantity("before", before, _TIME, "it such as '2 s'")
+    body = {"axis": axis, "name": name, "before": past, "seconds": seconds}
     begun = ask_service(socket, "POST", "/v1/recordings", body)
     console.print(f"recording {begun['axis']}" + ("" if time_ else "; Ctrl-C ends"))
     try:
@@ -166,13 +169,3 @@ def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None) -> 
             elapsed = time.monotonic() - began
             update(min(round(10 * elapsed), round(10 * seconds)), max(round(10 * seconds), 1))
             time.sleep(_LOOK)
-
-
-def _number(text: str, unit: str, option: str) -> float:
-    from stagectl.units import StageError
-
-    try:
-        return parse(text, unit)
-    except UnitError as error:
-        example = f"1 {unit}" if unit else "20 % or 0.2"
-        raise StageError(f"{option} {text}: {error}; such as {example}") from error

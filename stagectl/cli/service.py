@@ -24,6 +24,7 @@ AxisName = Annotated[str, typer.Option("--axis", metavar="NAME", help="One axis;
 fault = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=True)
 
 
+@shutdown_signals.held_back()
 def serve(
     stages: Annotated[
         list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
@@ -46,11 +47,10 @@ def serve(
     ] = False,
     json: Lines = None,
 ) -> None:
-    """Run the machine as a service, for months: see README, "As a service".
+    """Run the machine as a service, for months: see docs/service.md.
 
     Example: stagectl serve config/ball-screw.yaml
     """
-    shutdown_signals.hold_back()
     without_compiler()
     require("service", "the service")
     from stagectl import design
@@ -95,28 +95,19 @@ def status(socket: Socket = None, json: Json = None) -> None:
     _show(ask_service(socket, "GET", "/v1/status"), json)
 
 
-def enable(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
-    """Switch power on; the axis holds its position.
+def _order(what: str, words: str, verb: str = "") -> Callable[..., None]:
+    """The verb that gives one axis, or all, the order `what`; `words` are its help."""
 
-    Example: stagectl enable
-    """
-    _do(socket, f"enable?axis={axis}", json)
+    def order(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
+        _do(socket, f"{what}?axis={axis}", json)
 
-
-def disable(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
-    """Stop, and switch power off.
-
-    Example: stagectl disable
-    """
-    _do(socket, f"disable?axis={axis}", json)
+    order.__doc__ = f"{words}\n\nExample: stagectl {verb or what}"
+    return order
 
 
-def home(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
-    """Find the home position by the method in the stage file's `homing`.
-
-    Example: stagectl home
-    """
-    _do(socket, f"home?axis={axis}", json)
+enable = _order("enable", "Switch power on; the axis holds its position.")
+disable = _order("disable", "Stop, and switch power off.")
+home = _order("home", "Find the home position by the method in the stage file's `homing`.")
 
 
 def move(
@@ -205,13 +196,8 @@ def fault_list(socket: Socket = None, json: Json = None) -> None:
     emit({"faults": result}, json)
 
 
-@fault.command("reset")
-def fault_reset(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
-    """Reset the fault: the drive is configured again and stays without power.
-
-    Example: stagectl fault reset
-    """
-    _do(socket, f"faults/reset?axis={axis}", json)
+_RESET = "Reset the fault: the drive is configured again and stays without power."
+fault.command("reset")(_order("faults/reset", _RESET, "fault reset"))
 
 
 def _named(text: str) -> tuple[str, str]:

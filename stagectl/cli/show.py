@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from stagectl.api.progress import progress as progress
 from stagectl.api.progress import terminal as terminal
 from stagectl.extras import MissingExtraError, require
@@ -41,16 +43,16 @@ class _Plain:
 console = _Plain()
 
 
-def emit(result: dict[str, Any], target: str | None) -> None:
-    """Write `result` as JSON to the file `target`, ``-`` for standard output."""
-    if target is None:
-        return
-    text = json.dumps(result, indent=2, allow_nan=False) + "\n"
+def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
+    """Write `result` as JSON to the file `target`, ``-`` for standard output; exit code 1 where it is not `good`."""
+    text = json.dumps(result, indent=2, allow_nan=False) + "\n" if target is not None else ""
     if target == "-":
         print(text, end="")
-    else:
+    elif target is not None:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         Path(target).write_text(text, encoding="utf-8")
+    if not good:
+        raise typer.Exit(1)
 
 
 def page_path(report: Path | None, name: str) -> Path | None:
@@ -155,6 +157,8 @@ def summary(result: dict[str, Any]) -> str:
         lines.append(result["fault"])
     if result["late_cycles"]:
         lines.append(f"{result['late_cycles']} of {result['cycles']} cycles were late")
+    if limited := result["effects_limited_cycles"]:
+        lines.append(f"the current against the model's effects reached half of drive.current_limit in {limited} cycles")
     if result["saturated_cycles"]:
         lines.append(f"the current limit was reached in {result['saturated_cycles']} cycles")
     if not result["in_position"]:

@@ -1,4 +1,4 @@
-"""Verbs of the optional distribution ``stagectl-studies`` (tools/studies): `reproduce` and `gap exam`."""
+"""Verbs of the optional distribution ``stagectl-studies`` (tools/studies)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,10 @@ from stagectl.units import StageError
 
 _CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True}
 _VERBS = {  # module of `stagectl_studies.commands`, and the help where it is not installed
-    "reproduce": (
-        "reproduce",
-        "Carry out a source paper's experiments on a virtual machine; needs stagectl-studies.",
-    ),
-    "exam": (
-        "gap_exam",
-        "Put the diagnosis to sealed trials of an unknown machine; needs stagectl-studies.",
-    ),
+    "reproduce": ("reproduce", "Carry out a source paper's experiments on a virtual machine"),
+    "exam": ("gap_exam", "Put the diagnosis to sealed trials of an unknown machine"),
+    "knock": ("gap_knock", "Test the diagnosis on a real record with a known answer"),
+    "fleet": ("gap_fleet", "Diagnose many machines, one folder each"),
 }
 
 
@@ -37,7 +33,7 @@ def add(app: typer.Typer, verb: str) -> None:
     if find_spec("stagectl_studies") is not None:
         app.command(verb)(getattr(import_module(f"stagectl_studies.commands.{module}"), verb))
     else:
-        app.command(verb, context_settings=_CONTEXT, help=words)(_missing)
+        app.command(verb, context_settings=_CONTEXT, help=f"{words}; needs stagectl-studies.")(_missing)
 
 
 def _missing() -> None:

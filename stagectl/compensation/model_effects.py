@@ -6,6 +6,8 @@ the further effects demand::
     reference --+--> inverse of the whole model --(+)--> mean of each period --> current
                 +--> inverse of the plain one ----(-)
 
+What the encoder's grating adds to the position is no force: it goes into the target, which is compared with it.
+
 Perfect tracking and the friction compensation answer the plain model, to the last bit as before; where a model has no
 further effect the difference is zero.  What is demanded at rest, before the motion, is left to the
 feedback, which holds it already.
@@ -19,9 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.compensation.constants import INVERSE_STEPS
-from stagectl.kernels import effects, friction, inverse, stage, transmission
+from stagectl.compensation.constants import EFFECTS_SHARE, INVERSE_STEPS
+from stagectl.kernels import effects, equilibrium, friction, inverse, plant_with_effects, stage, transmission
 from stagectl.kernels.fields import get, put
+from stagectl.kernels.law import SETPOINT_COLUMNS
 
 Array = NDArray[np.float64]
 
@@ -40,11 +43,36 @@ class Memory(NamedTuple):
 
 
 def present(p: stage.Stage) -> bool:
-    """Whether the model holds anything that a current beyond tracking and rolling friction answers."""
+    """Whether the model holds anything beyond tracking and rolling friction that is answered."""
     known = plain(p)
     body = (p.motor, p.mechanics, p.drive.offset) != (known.motor, known.mechanics, 0.0)
     rubbing = p.friction[1:] != known.friction[1:]
-    return body or rubbing or p.residual.coordinate != effects.NONE
+    return body or rubbing or p.residual.coordinate != effects.NONE or mapped(p)
+
+
+def mapped(p: stage.Stage) -> bool:
+    """Whether the encoder's readings have errors that depend on the position."""
+    return p.encoder[2:] != plain(p).encoder[2:]
+
+
+def put_into(rows: Array, p: stage.Stage, current: Array, place: float) -> int:
+    """Add `current` (n,) A within its share of the limit, and the encoder's map, to setpoints `rows` (n, 8).
+
+    The axis begins where its encoder reads `place` (rad | m).  Returns in how many periods the current was limited.
+    """
+    most = EFFECTS_SHARE * p.drive.current_limit
+    rows[:, SETPOINT_COLUMNS["friction"]] += np.clip(current, -most, most)
+    if mapped(p):
+        target = SETPOINT_COLUMNS["target"]
+        rows[:, target] += read_beside(p, place, rows[:, target])
+    return int(np.sum(np.abs(current) > most))
+
+
+def read_beside(p: stage.Stage, place: float, way: Array) -> Array:
+    """What the encoder adds to each of `way` (n,) rad | m, counted from where it reads `place`."""
+    origin = equilibrium.read(p, place)
+    seen = (plant_with_effects.seen(p.encoder, p.mechanics.pitch, origin + x) for x in way.tolist())
+    return np.fromiter(seen, np.float64, len(way)) - place - way
 
 
 def plain(p: stage.Stage) -> stage.Stage:

@@ -17,7 +17,7 @@ from stagectl.config.bounds import DEEPEST_BLOCK, LONGEST_LIST, LONGEST_SHOWN, L
 from stagectl.config.hints import extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, compose, entry_of
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, below
 from stagectl.units import StageError, Tagged, quantity_of
 
 
@@ -59,7 +59,7 @@ class Reader:
         entries = self.entries(node, name, (*kind._fields, skip))
         values: dict[str, Any] = {}
         for field in kind._fields:
-            key = f"{name}.{field}" if name else field
+            key = below(name, field)
             if field in entries:
                 values[field] = self.value(hints[field], entries[field], key)
             elif field in kind._field_defaults:
@@ -83,21 +83,21 @@ class Reader:
             if problem is None:
                 entries[word] = value
             else:
-                self.refuse(key, problem._replace(key=_below(name, word)))
+                self.refuse(key, problem._replace(key=below(name, _shown(word))))
         return entries
 
     def _wrong_key(self, word: str, known: tuple[str, ...], repeated: bool) -> Problem | None:
         if word == "<<":
             return Problem("is a merge key, which is not read: write the keys out", ProblemKind.UNKNOWN)
         if repeated:
-            return Problem("is written twice", ProblemKind.REPEATED)
+            return Problem("is written twice", ProblemKind.REPEATED, remedy="remove one")
         if word in known:
             return None
         near = _nearest(word, known) if len(self.problems) < MOST_PROBLEMS else ""  # the search is slow
         return Problem("is not known", ProblemKind.UNKNOWN, remedy=near)
 
     def _tagged(self, tag: Tagged, node: yaml.Node, name: str) -> Any:
-        key, choices = _below(name, tag.key), tuple(tag.blocks)
+        key, choices = below(name, tag.key), tuple(tag.blocks)
         chosen = entry_of(node, tag.key)
         if chosen is None and tag.default and isinstance(node, yaml.MappingNode):
             return self.block(tag.blocks[tag.default], node, name)
@@ -190,10 +190,6 @@ def _integer(text: str) -> int:
 
 def _unusable(reason: str) -> StageError:
     return StageError(Problem(reason, ProblemKind.VALUE))
-
-
-def _below(name: str, word: str) -> str:
-    return f"{name}.{_shown(word)}" if name else _shown(word)
 
 
 def _shown(text: str) -> str:

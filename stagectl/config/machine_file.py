@@ -18,7 +18,6 @@ from typing import Any
 import yaml
 
 from stagectl.config.bounds import MOST_AXES
-from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader, load
 from stagectl.config.source import ConfigError, compose, entry_of, read_text
 from stagectl.problem import Problem, ProblemKind
@@ -47,10 +46,7 @@ def composed(path: Path) -> tuple[Path, yaml.Node]:
     Raises ConfigError.
     """
     file, axis = split(path)
-    reader = Reader(file, Lengths())
-    root = chosen(reader, compose(file), axis)
-    reader.finish()
-    return file, root
+    return file, load(file, lambda reader, root: chosen(reader, root, axis))
 
 
 def axes_of(path: Path) -> list[Path]:
@@ -61,8 +57,11 @@ def axes_of(path: Path) -> list[Path]:
     file, axis = split(path)
     if axis:
         return [path]
-    names = [key.value for key, _ in _entries(compose(file))]
-    return [file.with_name(f"{file.name}#{name}") for name in names] or [file]
+    names = [key for key, _ in _entries(compose(file))]
+    for key in names:
+        if not key.value.isidentifier():  # it could lead to another folder
+            raise ConfigError(_misnamed(key.value)._replace(file=file, line=key.start_mark.line + 1))
+    return [file.with_name(f"{file.name}#{key.value}") for key in names] or [file]
 
 
 def coupled(path: Path) -> bool:
@@ -105,11 +104,14 @@ def _which(path: Path, axis: str, names: list[str]) -> Problem:
     return Problem(reason, ProblemKind.UNKNOWN, remedy=f"take one of {references}", file=path)
 
 
+def _misnamed(name: str) -> Problem:
+    return Problem("the name of an axis must be a word, such as x", ProblemKind.VALUE, AXES, ascii(name))
+
+
 def _check(reader: Reader, root: yaml.Node, entries: dict[str, yaml.Node]) -> None:
     for name, block in entries.items():
         if not name.isidentifier():
-            problem = Problem("the name of an axis must be a word, such as x", ProblemKind.VALUE)
-            reader.refuse(block, problem._replace(key=AXES, value=ascii(name)))
+            reader.refuse(block, _misnamed(name))
         if not isinstance(block, yaml.MappingNode):
             reason = "must be a block such as {drive.wire.node: 6}"
             reader.refuse(block, Problem(reason, ProblemKind.SHAPE, f"{AXES}.{name}"))

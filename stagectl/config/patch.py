@@ -148,11 +148,9 @@ def _without(before: Patched, name: str) -> Patched:
 
 def _short(text: str) -> str:
     words = " ".join(text.split())
-    return (
-        words
-        if len(words) <= LONGEST_SHOWN
-        else f"{words[:40].rsplit(',', 1)[0]}, ... {words.rsplit(',', 1)[-1].strip()}"
-    )
+    if len(words) <= LONGEST_SHOWN:
+        return words
+    return f"{words[:40].rsplit(',', 1)[0]}, ... {words.rsplit(',', 1)[-1].strip()}"
 
 
 def check_values(file: StageFile, values: Mapping[str, Any]) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import yaml
 
 from stagectl.config.bounds import DEEPEST_BRACKETS, LARGEST_FILE, MOST_PROBLEMS
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, absent
 from stagectl.units import StageError
 
 _HIDDEN = re.compile("[\x85\u2028\u2029]")  # YAML 1.1 breaks lines there, no editor shows it
@@ -60,7 +60,7 @@ def compose(path: Path, text: str | None = None) -> yaml.Node:
     except Exception as error:  # PyYAML lets several other kinds out on malformed escapes and directives
         raise malformed(path, f"not usable as YAML: {type(error).__name__} while parsing") from error
     if node is None:
-        raise malformed(path, "the file is empty")
+        raise malformed(path, "the file is empty; must have `key: value` lines")
     return node
 
 
@@ -73,6 +73,13 @@ def _check_brackets(path: Path, text: str) -> None:
                 raise malformed(path, "brackets are nested too deep", number)
 
 
+def children_of(node: yaml.Node) -> list[yaml.Node]:
+    """The values of a block, or the items of a list; none of a single value."""
+    if isinstance(node, yaml.MappingNode):
+        return [value for _, value in node.value]
+    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
+
+
 def entry_of(node: yaml.Node | None, name: str) -> yaml.Node | None:
     """The value under `name` in a block; None where there is none, or no block."""
     entries = node.value if isinstance(node, yaml.MappingNode) else []
@@ -82,12 +89,11 @@ def entry_of(node: yaml.Node | None, name: str) -> yaml.Node | None:
 def node_at(node: yaml.Node, name: str) -> yaml.Node:
     """The node of a dotted `name` such as ``parts[2].distance``, or the innermost one on the way there."""
     for word in re.findall(r"[^.\[\]]+", name):
-        entries = node.value if isinstance(node, yaml.MappingNode) else []
-        items = enumerate(node.value) if isinstance(node, yaml.SequenceNode) else []
-        inner = [value for key, value in entries if key.value == word] + [item for j, item in items if str(j) == word]
-        if not inner:
+        items = {str(j): item for j, item in enumerate(node.value)} if isinstance(node, yaml.SequenceNode) else {}
+        inner = items.get(word) or entry_of(node, word)
+        if inner is None:
             break
-        node = inner[0]
+        node = inner
     return node
 
 
@@ -108,7 +114,9 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise malformed(path, f"not UTF-8 text: byte {error.start} is {raw[error.start]:#04x}", line) from error
+        raise malformed(
+            path, f"not UTF-8 text: byte {error.start} is {raw[error.start]:#04x}; save it as UTF-8", line
+        ) from error
 
 
 def _read(path: Path, largest: int) -> bytes:
@@ -118,6 +126,8 @@ def _read(path: Path, largest: int) -> bytes:
             raise UnreadableError(_unreadable(path, "is not a file: give the path of a text file"))
         with path.open("rb") as file:
             return file.read(largest + 1)
+    except FileNotFoundError as error:
+        raise UnreadableError(_unreadable(path, f"cannot be read: {absent(path)}")) from error
     except OSError as error:
         raise UnreadableError(_unreadable(path, f"cannot be read: {error.strerror}")) from error
     except ValueError as error:
@@ -134,6 +144,8 @@ def _syntax_error(path: Path, text: str, error: yaml.YAMLError) -> ConfigError:
     mark = getattr(error, "problem_mark", None)
     reason = getattr(error, "problem", None) or "not YAML"
     advice = "check indentation, quotes and colons around this line"
+    if "'\\t'" in reason:
+        reason, advice = "a tab", "YAML indents with spaces: replace each tab by two"
     return malformed(path, f"{reason}; {advice}", mark.line + 1 if mark is not None else 1)
 
 

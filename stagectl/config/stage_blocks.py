@@ -69,6 +69,9 @@ class Drive(NamedTuple):
     resistance: plant.Resistance = 1.0
     back_emf: plant.BackEmf = 0.0
     telemetry: Reported = Reported()
+    gain: plant.Gain = 0.0
+    gain_asymmetry: plant.GainAsymmetry = 0.0
+    directed_offset: plant.DirectedOffset = 0.0
 
 
 class Realtime(NamedTuple):
@@ -78,11 +81,10 @@ class Realtime(NamedTuple):
     cpu: Annotated[int | None, Quantity("", "[0, 4095]", "number of the CPU the loop is pinned to")] = None
     late_limit: Annotated[int, Quantity("", "[1, 1000000]", "late cycles in a row that cause a quick stop")] = 10
     spin: Annotated[float, Quantity("s", "[0, 1e-3]", "time before each period in which the loop stays awake")] = 0.0
-    feedback_age: Annotated[int, Quantity("", "[1, 1000]", "largest age of a position, in control periods")] = 3
 
 
 class VirtualDrive(NamedTuple):
-    """Faults and mark of a virtual drive; a real drive ignores this block."""
+    """Faults, mark and machine of a virtual drive; a real drive ignores this block."""
 
     faults: Annotated[
         tuple[Annotated[Any, Tagged("fault", BLOCKS)], ...], "what fails, counted from Operation enabled on"
@@ -90,6 +92,9 @@ class VirtualDrive(NamedTuple):
     mark: Annotated[
         float, Quantity("rad | m", "[-1e6, 1e6]", "reference mark of its homing, from where it is powered on")
     ] = 0.0
+    machine_of_the_day: Annotated[
+        int, Quantity("", "[0, 2147483647]", "seed of a machine drawn around the model; 0: the model itself")
+    ] = 0
 
 
 class Limits(NamedTuple):
@@ -148,6 +153,15 @@ class Residual(NamedTuple):
     values: Annotated[tuple[float, ...], Quantity("N m | N", "[-1e6, 1e6]", "effort")]
 
 
+class Retention(NamedTuple):
+    """What a service keeps of an axis' recordings and black boxes; without an entry it removes none."""
+
+    keep_days: Annotated[float, Quantity("", "(0, inf]", "days after which a file is removed; inf: never")] = math.inf
+    keep_gib: Annotated[float, Quantity("", "(0, inf]", "GiB in all, beyond which the oldest go; inf: all stay")] = (
+        math.inf
+    )
+
+
 class StageFile(NamedTuple):
     """The whole file."""
 
@@ -171,3 +185,20 @@ class StageFile(NamedTuple):
     learning: learning.LearningSettings = learning.LearningSettings()
     residual: Residual | None = None
     virtual_drive: VirtualDrive = VirtualDrive()
+    recordings: Retention = Retention()
+
+    def with_wire(self, **entries: Any) -> StageFile:
+        """The same with other entries of its wire."""
+        return self._replace(drive=self.drive._replace(wire=self.drive.wire._replace(**entries)))
+
+    @property
+    def own_ramp(self) -> float:
+        """Deceleration (rad/s^2 | m/s^2) of the drive's own stop; that of the limits where it has none."""
+        wire = self.drive.wire
+        return wire.quick_stop_deceleration if isinstance(wire, Canopen) else self.limits.acceleration
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether the plant is a program on this computer: nothing real can be moved."""
+        wire = self.drive.wire
+        return isinstance(wire, InProcess) or (isinstance(wire, Canopen) and wire.interface == "embedded")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from stagectl.config.bounds import DELAY_LINE, WIDEST_SLIPS
-from stagectl.config.compensator_checks import compensator_conflicts
+from stagectl.compensation.rolling import GeneralisedMaxwell, ReversalTable
+from stagectl.config.bounds import DELAY_LINE, SAME_VALUE, WIDEST_SLIPS
 from stagectl.config.friction_laws import Operators, Rolling
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
 from stagectl.drives.drive import Canopen
+from stagectl.kernels.fields import get
 from stagectl.number_format import duration
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
@@ -29,9 +32,22 @@ def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     yield from _drive(file)
     yield from _transmission(file)
     yield from _friction(file)
-    yield from compensator_conflicts(file)
+    yield from _unanswered(file)
+    yield from _compensators(file)
     yield from wire_conflicts(file, path)
     yield from too_far(file)
+
+
+def _unanswered(file: StageFile) -> Iterator[Problem]:
+    for place in file.control.unanswered:
+        try:
+            get(file, place)
+            known = place.split(".")[0] in ("motor", "mechanics", "friction", "drive", "encoder")
+        except AttributeError:
+            known = False
+        if not known:
+            reason = "must be an entry of motor, mechanics, friction, drive or encoder, such as motor.cogging"
+            yield Problem(reason, _CONFLICT, "control.unanswered", place)
 
 
 def _encoder(file: StageFile) -> Iterator[Problem]:
@@ -106,6 +122,43 @@ def _friction(file: StageFile) -> Iterator[Problem]:
     law = file.friction
     if isinstance(law, Rolling) and not law.shortest <= law.longest <= WIDEST_SLIPS * law.shortest:
         yield Problem(f"must be 1 to {WIDEST_SLIPS:g} times friction.shortest", _CONFLICT, "friction.longest")
-    if isinstance(law, Operators) and len(law.weight) != len(law.slip):
-        reason = f"has {len(law.weight)} entries, and friction.slip has {len(law.slip)}: give one slip for each weight"
-        yield Problem(reason, _CONFLICT, "friction.weight")
+    if isinstance(law, Operators):
+        yield from _paired("friction", law, "weight", "slip")
+
+
+def _compensators(file: StageFile) -> Iterator[Problem]:
+    """Conflicts of the compensator that acts, and of those next to it."""
+    compared = {f"compensators.{name}": block for name, block in file.compensators._asdict().items()}
+    for name, block in {"compensation": file.compensation, **compared}.items():
+        if isinstance(block, ReversalTable):
+            yield from _table(block, name)
+        elif isinstance(block, GeneralisedMaxwell):
+            yield from _paired(name, block, "weight", "slip")
+
+
+def _table(p: ReversalTable, name: str) -> Iterator[Problem]:
+    """A curve from -T_c to T_c over a displacement that rises from 0."""
+    unequal = list(_paired(name, p, "force", "displacement"))
+    yield from unequal
+    if unequal:
+        return
+    if p.displacement[0] != 0.0 or len(p.displacement) < 2 or not _rises(p.displacement, strictly=True):
+        reason = "must begin with 0 and rise from row to row, over two rows at least"
+        yield Problem(reason, _CONFLICT, f"{name}.displacement")
+    first, last = p.force[0], p.force[-1]
+    if not _rises(p.force) or last <= 0.0 or abs(first + last) > SAME_VALUE * last:
+        reason = f"must rise from -T_c to T_c; it goes from {first:g} to {last:g}"
+        yield Problem(reason, _CONFLICT, f"{name}.force")
+
+
+def _paired(name: str, block: Any, one: str, other: str) -> Iterator[Problem]:
+    """Two lists of the block `name` that must be of the same length."""
+    count, others = len(getattr(block, one)), len(getattr(block, other))
+    if count != others:
+        reason = f"has {count} entries, and {name}.{other} has {others}: give one {other} for each {one}"
+        yield Problem(reason, _CONFLICT, f"{name}.{one}")
+
+
+def _rises(values: tuple[float, ...], strictly: bool = False) -> bool:
+    steps = [after - before for before, after in itertools.pairwise(values)]
+    return all(step > 0.0 if strictly else step >= 0.0 for step in steps)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -42,6 +42,21 @@ class Setup(_Stage):
     def dt(self) -> float:
         """Control period Ts (s)."""
         return self.file.control.period
+
+    @property
+    def canopen(self) -> Canopen:
+        """The wire of a stage that is known to have a CANopen drive."""
+        wire = self.file.drive.wire
+        assert isinstance(wire, Canopen)
+        return wire
+
+    def having(self, **blocks: Any) -> Setup:
+        """The same with other blocks of its file; the model stays."""
+        return self._replace(file=self.file._replace(**blocks))
+
+    def with_wire(self, **entries: Any) -> Setup:
+        """The same with other entries of its wire."""
+        return self._replace(file=self.file.with_wire(**entries))
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -115,7 +130,7 @@ def _with_eds(file: StageFile, path: Path) -> StageFile:
     wire = file.drive.wire
     if not isinstance(wire, Canopen):
         return file
-    return file._replace(drive=file.drive._replace(wire=wire._replace(eds=str(eds_path(wire.eds, path)))))
+    return file.with_wire(eds=str(eds_path(wire.eds, path)))
 
 
 def _design(setup: Setup) -> design.Controller:

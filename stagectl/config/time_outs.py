@@ -32,10 +32,8 @@ def axis_limits(file: StageFile, waits_for_sync: bool = False) -> AxisLimits:
     """What a drive's own limits must agree with; friction helps no stop but that of a coasting axis."""
     axis, inertia = file.axis, file.mechanics.inertia
     effort, bias = file.drive.current_limit * file.motor.force_constant, abs(file.mechanics.bias)
-    wire = file.drive.wire
-    ramp = wire.quick_stop_deceleration if isinstance(wire, Canopen) else file.limits.acceleration
     acceleration = (effort + bias) / inertia
-    brakes = min(ramp, max(effort - bias, 0.0) / inertia)
+    brakes = min(file.own_ramp, max(effort - bias, 0.0) / inertia)
     coasts = max(sliding(friction_of(file.friction)) - bias, 0.0) / inertia
     speed = file.limits.speed
     return AxisLimits(
@@ -63,12 +61,11 @@ def with_time_outs(file: StageFile) -> StageFile:
     wire = file.drive.wire
     if not isinstance(wire, Canopen):
         return file
-    period = file.control.period
     if math.isnan(wire.rpdo_timeout):
-        wire = wire._replace(rpdo_timeout=_derived(file))
+        file = file.with_wire(rpdo_timeout=_derived(file))
     if math.isnan(wire.feedback_timeout):
-        wire = wire._replace(feedback_timeout=ANSWER_PERIODS * period)
-    return file._replace(drive=file.drive._replace(wire=wire))
+        file = file.with_wire(feedback_timeout=ANSWER_PERIODS * file.control.period)
+    return file
 
 
 def too_far(file: StageFile) -> Iterator[Problem]:

@@ -16,7 +16,7 @@ from stagectl import trajectories
 from stagectl.config.bounds import DEEPEST_PARTS, LARGEST_CSV, MOST_PARTS
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader, load
-from stagectl.config.source import ConfigError, compose, malformed, placed, read_text
+from stagectl.config.source import ConfigError, children_of, compose, entry_of, malformed, placed, read_text
 from stagectl.config.stage_file import Setup
 from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import TYPES, Csv, Excited, Released, Sequence, Sum
@@ -63,7 +63,7 @@ def load_trajectory(
     file is read: what somebody else sent may name only what came with it.
     Raises ConfigError or TrajectoryError with the place and the reason.
     """
-    entry = load(path, lambda reader, root: _read(reader, root), axis.lengths, text)
+    entry = load(path, _read, axis.lengths, text)
     try:
         trajectory: trajectories.Experiment = _resolved(entry, _Source(path, axis, tables), "")
         trajectories.check(trajectory)
@@ -84,10 +84,8 @@ def _read(reader: Reader, root: yaml.Node) -> Any:
 
 def _count(node: yaml.Node, depth: int) -> int:
     """Number of blocks below `node`, aliases expanded; stops counting past the limit."""
-    inner = [value for _, value in node.value] if isinstance(node, yaml.MappingNode) else []
-    inner = node.value if isinstance(node, yaml.SequenceNode) else inner
     total = 1
-    for child in inner:
+    for child in children_of(node):
         if total > 20 * MOST_PARTS or depth > DEEPEST_PARTS:
             return 20 * MOST_PARTS
         total += _count(child, depth + 1) if not isinstance(child, yaml.ScalarNode) else 0
@@ -143,11 +141,9 @@ def tables_of(path: Path, text: str) -> dict[str, str]:
 
 def _files(node: yaml.Node) -> Iterator[yaml.ScalarNode]:
     """The values of `file` in this block and all below."""
-    inner = node.value if isinstance(node, yaml.SequenceNode) else []
-    if isinstance(node, yaml.MappingNode):
-        inner = [value for _, value in node.value]
-        yield from (value for key, value in node.value if key.value == "file" and isinstance(value, yaml.ScalarNode))
-    for child in inner:
+    if isinstance(named := entry_of(node, "file"), yaml.ScalarNode):
+        yield named
+    for child in children_of(node):
         yield from _files(child)
 
 

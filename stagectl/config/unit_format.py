@@ -12,7 +12,7 @@ import yaml
 from stagectl.config.bounds import LINE_WIDTH, READABLE, WRITTEN_DIGITS
 from stagectl.config.hints import fields_of, tag_of, without_none
 from stagectl.config.lengths import Lengths
-from stagectl.config.source import ConfigError, node_at
+from stagectl.config.source import ConfigError, entry_of, node_at
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import UnitError, factor, quantity_of
 
@@ -41,9 +41,7 @@ def block_of(hint: Any, node: yaml.Node) -> Any:
     tag = tag_of(hint)
     if tag is None:
         return without_none(hint)
-    entries = node.value if isinstance(node, yaml.MappingNode) else []
-    chosen = next((value.value for key, value in entries if key.value == tag.key), tag.default)
-    return tag.blocks.get(chosen)
+    return tag.blocks.get(getattr(entry_of(node, tag.key), "value", tag.default))
 
 
 def worded(value: Any, hint: Any, lengths: Lengths, like: str = "", column: int = 0) -> str:
@@ -60,6 +58,8 @@ def worded(value: Any, hint: Any, lengths: Lengths, like: str = "", column: int 
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Sequence):
+        if value and all(isinstance(entry, str) for entry in value):
+            return f"[{', '.join(value)}]"
         return _list([float(entry) for entry in value], unit, lengths, like.strip("[ \n").split(",")[0], column)
     if isinstance(value, int):
         return str(value)

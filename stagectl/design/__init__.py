@@ -92,7 +92,8 @@ def design(p: stage.Stage, control: Settings) -> Controller:
         "effects" in layers,
     )
     running = law_of(designed, control.period, p.drive.current_limit)
-    return Controller(running._replace(observer=watching), anticipation)
+    band = control.standstill_band * p.encoder.step
+    return Controller(running._replace(observer=watching, standstill_band=band), anticipation)
 
 
 def designed_observer(p: stage.Stage, control: Settings, designed: Feedback) -> observer.Observer:

@@ -27,6 +27,8 @@ Layer = Literal["ptc", "friction", "effects", "observer"]
 _PERIOD = Quantity("s", "[1e-5, 0.1]", "control period Ts")
 _MARGIN = Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")
 _LAYERS = "layers that act together with the feedback: ptc, friction, effects, observer"
+_UNANSWERED = "entries of the model, such as motor.cogging, that the layer effects leaves to the feedback"
+_STANDSTILL = Quantity("", "[0, 100]", "counts of error that are left alone while the reference stands still; 0: none")
 _OBSERVER = Quantity("Hz", "(0, 2000]", "frequency at which the disturbance observer's three poles are placed")
 
 
@@ -37,7 +39,9 @@ class Control(NamedTuple):
     bandwidth: Annotated[float, Quantity("Hz", "(0, 2000]", "frequency at which all four closed-loop poles are placed")]
     margin: Annotated[float, _MARGIN] = math.radians(20)
     layers: Annotated[tuple[Layer, ...], _LAYERS] = ("ptc", "friction", "effects")
+    unanswered: Annotated[tuple[str, ...], _UNANSWERED] = ()
     observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
+    standstill_band: Annotated[float, _STANDSTILL] = 0.0  # an axis that hunts about its target: 1
 
 
 class CascadeControl(NamedTuple):
@@ -56,7 +60,9 @@ class CascadeControl(NamedTuple):
     velocity_span: Annotated[int, Quantity("", "[1, 2]", "periods over which the velocity is differenced")] = 1
     margin: Annotated[float, _MARGIN] = math.radians(20)
     layers: Annotated[tuple[Layer, ...], _LAYERS] = ("friction", "effects")
+    unanswered: Annotated[tuple[str, ...], _UNANSWERED] = ()
     observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
+    standstill_band: Annotated[float, _STANDSTILL] = 0.0  # an axis that hunts about its target: 1
 
 
 Settings = Control | CascadeControl

@@ -58,7 +58,6 @@ class Fault(enum.IntEnum):
     BRAKING = 15  # braking now no longer ends within the travel
     CURRENT = 16  # measured beyond what the drive may give
     OVERLOAD = 17  # I2t
-    STALE = 18  # the position is older than it may be
     JUMP = 19  # of the encoder
     FREEZE = 20  # of the encoder, or an axis that is blocked
     STARVED = 21  # the setpoints ran out in mid motion
@@ -75,7 +74,6 @@ class Feedback(NamedTuple):
     current: float  # A, measured by the drive; NaN where it reports none
     statusword: int  # CiA 402 statusword; other drives map theirs onto it
     fault: Fault
-    age: float = 0.0  # s, of the position: 0 where it is latched with the cycle
     busy: bool = False  # the drive still looks for its home, see Power.HOME
 
 
@@ -103,6 +101,9 @@ class Drive(Protocol):
 
         Power.ON is reached when `sample` reports no fault; a drive in Fault stays there, see `reset_fault`.
         """
+
+    def position(self) -> float:
+        """Where the axis stands (rad | m) as the drive counts, before the first cycle; NaN: it does not say."""
 
     def pending_fault(self) -> str:
         """The fault that a person must reset before the drive gets power, in words; empty where there is none."""

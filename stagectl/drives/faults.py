@@ -9,6 +9,7 @@ Stop categories are those of IEC 60204-1: 0 power removed at once, the axis coas
 
 from __future__ import annotations
 
+import collections
 from typing import Annotated, Any, Literal, NamedTuple
 
 from stagectl.drives.drive import Fault
@@ -23,103 +24,34 @@ Code = Annotated[int, Quantity("", "[256, 65535]", "emergency error code (CiA 30
 Factor = Annotated[float, Quantity("", "[-100, 100]", "actual value for one unit of the true value")]
 
 
-class OnOffFault(NamedTuple):
-    """A fault that is present or absent."""
-
-    fault: Name
-    after: After = 0.0
-    duration: Lasting = 0.0
+Jump = Annotated[int, Quantity("", "[-1e9, 1e9]", "encoder counts of one jump")]
+Pause = Annotated[float, Quantity("s", "[0, 1e3]", "time between two jumps or messages; 0 s: one only")]
+Rate = Annotated[float, Quantity("", "[0.5, 2]", "seconds of the drive's clock in one second")]
 
 
-class FrameFault(NamedTuple):
-    """A fault of some of the frames."""
-
-    fault: Name
-    share: Share = 1.0
-    after: After = 0.0
-    duration: Lasting = 0.0
-
-
-class RandomFrameFault(NamedTuple):
-    """A fault that hits frames by chance."""
-
-    fault: Name
-    share: Share = 0.05
-    after: After = 0.0
-    duration: Lasting = 0.0
+def _block(name: str, words: str, duration: float = 0.0, **own: tuple[Any, float]) -> Any:
+    """A NamedTuple of a fault's parameters: its name, its `own` ones with their defaults, when and how long it acts."""
+    fields = {**own, "after": (After, 0.0), "duration": (Lasting, duration)}
+    defaults = [default for _, default in fields.values()]
+    block = _named_tuple(name, ("fault", *fields), defaults=defaults, module=__name__)
+    block.__annotations__ = {"fault": Name, **{field: kind for field, (kind, _) in fields.items()}}
+    block.__doc__ = words
+    return block
 
 
-class DelayFault(NamedTuple):
-    """A delayed signal."""
+_named_tuple: Any = collections.namedtuple  # whose name and defaults mypy wants as literals
 
-    fault: Name
-    delay: Delay = 0.01
-    after: After = 0.0
-    duration: Lasting = 0.0
-
-
-class PositionJump(NamedTuple):
-    """A position that jumps."""
-
-    fault: Name
-    counts: Annotated[int, Quantity("", "[-1e9, 1e9]", "encoder counts of one jump")] = 100_000
-    every: Annotated[float, Quantity("s", "[0, 1e3]", "time between two jumps; 0 s: one only")] = 0.0
-    after: After = 0.0
-    duration: Lasting = 0.0
-
-
-class ScaledSignal(NamedTuple):
-    """A signal with a wrong factor."""
-
-    fault: Name
-    factor: Factor = -1.0
-    after: After = 0.0
-    duration: Lasting = 0.0
-
-
-class ReducedCurrent(NamedTuple):
-    """A current that flows only in part."""
-
-    fault: Name
-    factor: Factor = 0.3
-    after: After = 0.0
-    duration: Lasting = 0.0
-
-
-class EmergencyFault(NamedTuple):
-    """Emergency messages."""
-
-    fault: Name
-    code: Code = 0x4310
-    every: Annotated[float, Quantity("s", "[0, 1e3]", "time between two messages; 0 s: one only")] = 0.0
-    after: After = 0.0
-    duration: Lasting = 0.0
-
-
-class DriveTrip(NamedTuple):
-    """A fault that the drive detects itself."""
-
-    fault: Name
-    code: Code = 0x2310
-    after: After = 0.0
-    duration: Lasting = 0.0
-
-
-class Outage(NamedTuple):
-    """A failure that ends by itself."""
-
-    fault: Name
-    after: After = 0.0
-    duration: Lasting = 0.3
-
-
-class ClockSkew(NamedTuple):
-    """A clock that runs at another rate."""
-
-    fault: Name
-    rate: Annotated[float, Quantity("", "[0.5, 2]", "seconds of the drive's clock in one second")] = 1.001
-    after: After = 0.0
-    duration: Lasting = 0.0
+OnOffFault = _block("OnOffFault", "A fault that is present or absent.")
+FrameFault = _block("FrameFault", "A fault of some of the frames.", share=(Share, 1.0))
+RandomFrameFault = _block("RandomFrameFault", "A fault that hits frames by chance.", share=(Share, 0.05))
+DelayFault = _block("DelayFault", "A delayed signal.", delay=(Delay, 0.01))
+PositionJump = _block("PositionJump", "A position that jumps.", counts=(Jump, 100_000), every=(Pause, 0.0))
+ScaledSignal = _block("ScaledSignal", "A signal with a wrong factor.", factor=(Factor, -1.0))
+ReducedCurrent = _block("ReducedCurrent", "A current that flows only in part.", factor=(Factor, 0.3))
+EmergencyFault = _block("EmergencyFault", "Emergency messages.", code=(Code, 0x4310), every=(Pause, 0.0))
+DriveTrip = _block("DriveTrip", "A fault that the drive detects itself.", code=(Code, 0x2310))
+Outage = _block("Outage", "A failure that ends by itself.", 0.3)
+ClockSkew = _block("ClockSkew", "A clock that runs at another rate.", rate=(Rate, 1.001))
 
 
 class Reaction(NamedTuple):

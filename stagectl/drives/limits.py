@@ -8,6 +8,7 @@ from __future__ import annotations
 
 # The controller's side of a CANopen drive (canopen/drive.py, power_states.py)
 ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, otherwise enabling has failed
+FOUND_POWER_TIME = 1.0  # s; chosen; for the ramp of a drive found under power, and again for the end of its power
 BACKLOG = 64  # frames; chosen; most that are cleared before a SYNC, so that a babbling node cannot block the loop
 REPEAT_COMMAND_CYCLES = 8  # cycles; chosen; a drive still in operation after them gets its stop command again, by SDO
 RESET_HOLD = 0.3  # s; chosen; bit 7 stays so long at most: drives were met that want 50 ms of it, and that poll slowly
@@ -23,7 +24,9 @@ YOUNG_HEARTBEAT = 1.0  # s; chosen; a drive heard so lately, after its last answ
 OLD_ANSWERS = 3  # answers; SYNC n shows n - 1, and some drives n - 2: so many may precede an order, and one is spare
 
 # A drive under power (canopen/operation_watch.py)
-LEARNING_TIME = 0.05  # s; chosen; from Operation enabled on: statusword bits 9 and 12 that the drive shows are demanded
+LEARNING_TIME = (
+    0.5  # s; chosen; from Operation enabled on, in which a drive shows statusword bits 9 and 12 if it ever does
+)
 STATUS_BIT_TIME = 0.005  # s; chosen; a demanded bit may be missing so long, and for CERTAIN_CYCLES
 MODE_PERIOD = 0.1  # s; chosen; between two questions for 0x6061, by SDO: 0.1 % of a bus of 1 Mbit/s
 WRONG_MODES = 2  # answers; chosen; that show another mode, one after the other
@@ -91,7 +94,7 @@ PORT_QUEUE = 256  # frames; chosen; that wait for a port of a shared bus which n
 BABBLE_FRAMES = 1  # frame; see above; of another node before each of the drive's (fault bus-flooded)
 PLUGIN_WAIT = 3600.0  # s; chosen; means "for ever": python-can calls again by itself
 
-# One master a bus (bus/other_masters.py, bus/channel_lock.py)
+# One master a bus (bus/other_masters.py)
 # A master that moves something sends SYNC or RPDOs.  The slowest cycle that a machine is controlled with is about 50 ms
 # (20 Hz); six of them, and three periods of our own heartbeat (100 ms), fit into this time.
 LISTENING_TIME = 0.3  # s; see above; silence of other masters before we send anything

@@ -135,6 +135,11 @@ class OdriveDrive:
         with contextlib.suppress(OSError):
             self._line.send(f"c {self._settings.axis} {torque:.6f}")
 
+    def position(self) -> float:
+        """Where the axis stands (rad | m); NaN where the drive does not say."""
+        seen = self.sample()
+        return math.nan if seen.fault in (Fault.BUS, Fault.FEEDBACK_LOST) else seen.position
+
     def pending_fault(self) -> str:
         """The drive's errors, which keep it from getting power."""
         error = self._read("active_errors")

@@ -31,8 +31,8 @@ class Plant:
         self.restart()
 
     def restart(self) -> None:
-        """At rest at 0, unloaded, without power, the noise from its beginning."""
-        self.state = stage.at_rest(self.p)
+        """At rest where the encoder reads 0, unloaded, without power, the noise from its beginning."""
+        self.state = stage.at_reading(self.p, 0.0)
         self._random = random.Random(self.simulation.seed)
         self._powered = False
         self._noise, self._silent = stage.SILENT, True
@@ -128,6 +128,10 @@ class Simulated:
         """Power the stage, or cut it: it has no ramp of its own, friction stops it."""
         if power is not Power.ENGAGE:
             self.plant.powered = self._begins = power is Power.ON
+
+    def position(self) -> float:
+        """Where the axis stands (rad | m)."""
+        return self.plant.position
 
     def pending_fault(self) -> str:
         """A simulated drive has none."""

@@ -4,7 +4,7 @@
 
     session
        |  controller_check     is the command that of the deployed law?
-       |  selection            base refitted, effects simulated, the search: which effects, with which values
+       |  selection            base refitted, effects simulated, the evidence: which effects, with which values
        |  inference            names and probabilities, shifted parameters, the unknown, where the gap lies
        |  validation           the improved model on held-out runs: how far does the gap close?
        v  experiment_design    the experiment that separates what is ambiguous
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from stagectl.gap.controller_check.command_check import check_command
+from stagectl.gap.controller_check.command_check import CommandCheck, check_command
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
@@ -31,8 +31,11 @@ from stagectl.gap.residuals.half_strokes import runs
 from stagectl.gap.residuals.pitch_orders import modes, orders
 from stagectl.gap.result.diagnosis import (
     BLOCKS,
+    HELD_OUT,
     NAMED,
     NOISE,
+    PARAMETERS,
+    UNFITTED,
     UNORDERED,
     DiagnosisResult,
     FoundEffect,
@@ -42,21 +45,18 @@ from stagectl.gap.result.diagnosis import (
 from stagectl.gap.result.verdict_text import sentence
 from stagectl.gap.selection import (
     baseline_fit,
-    candidate_scores,
     candidates,
     null_ensemble,
     refine,
-    search,
+    select,
 )
-from stagectl.gap.selection.candidate_scores import Library
-from stagectl.gap.selection.detection_thresholds import thresholds
+from stagectl.gap.selection.linearised import Library, library_of
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.swap_tests import Selection
+from stagectl.gap.selection.select import Selection
 from stagectl.gap.steps import Progress, Step, StepTimer
-from stagectl.gap.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED, RESAMPLES
-from stagectl.gap.validation.closure import PARAMETERS
+from stagectl.gap.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.validation.validate import Validation, validate
-from stagectl.kernels.stage import Stage
+from stagectl.kernels.stage import Stage, sliding
 
 
 class Options(NamedTuple):
@@ -87,7 +87,7 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     timer.begin(Step.CONTROLLER)
     agreement = check_command(session)
     if agreement.checked and not agreement.agrees:
-        return Diagnosis(_unsearched(session, "controller", agreement.words), session.stage)
+        return _beside_the_controller(session, agreement, options, timer, progress)
     if reason := unidentifiable(session):
         return Diagnosis(_unsearched(session, "not-identifiable", reason), session.stage)
     timer.begin(Step.BASELINE)
@@ -96,13 +96,13 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     size = scales_of(session, evidence)
     library = candidates_of(evidence, size, options)
     timer.begin(Step.SEARCH)
-    functions = unknown.functions(evidence, size, library)  # where they predict far more than any effect, it stops
-    selected = search.search(evidence, library, progress, lambda now: unknown.largest(evidence, now, functions))
+    functions = unknown.functions(evidence, size, library)
+    selected = select.select(evidence, library, progress, lambda now: unknown.largest(evidence, now, functions))
     timer.begin(Step.PARAMETERS)
-    errors = parameter_errors_of(session, evidence, selected)
+    errors = parameter_errors_of(session, evidence, library, selected)
     timer.begin(Step.LOCALISATION)
     conclusions = conclude(session, evidence, selected, errors, functions, options.excluded)
-    location = localise(session, evidence, selected.fitted, conclusions, functions, agreement)
+    location = localise(session, evidence, selected, conclusions, functions, agreement)
     timer.begin(Step.VALIDATION)
     validation = validate(session, evidence, selected, conclusions)
     result = _answer(session, conclusions, location, validation)
@@ -111,6 +111,23 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
         result = _advised(session, result, selected, evidence)
     result = result._replace(seconds=timer.seconds)
     return Diagnosis(result._replace(sentence=sentence(result)), validation.improved)
+
+
+def _beside_the_controller(
+    session: Session, agreement: CommandCheck, options: Options, timer: StepTimer, progress: Progress
+) -> Diagnosis:
+    """Another controller ran than is described: that is the verdict; drive and mechanics answer to the logged command.
+
+    Without a known controller no loop is simulated, and the gap is that of the effort.
+    """
+    alone = _unsearched(session, "controller", agreement.words)
+    if all(log.command is None for log in session.logs) or unidentifiable(session):
+        return Diagnosis(alone, session.stage)
+    logs = tuple(log._replace(setpoints=None) for log in session.logs)
+    beside = _diagnosed(session._replace(law=None, logs=logs), options._replace(advice=False), timer, progress)
+    kept = ("effects", "gap", "gaps", "coordinates", "captures", "shares", "unknown")
+    result = alone._replace(**{name: getattr(beside.result, name) for name in kept}, seconds=beside.result.seconds)
+    return Diagnosis(result._replace(sentence=sentence(result)), beside.improved)
 
 
 def unidentifiable(session: Session) -> str:
@@ -135,11 +152,12 @@ def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
 def scales_of(session: Session, e: Evidence) -> Scales:
     """Sizes of the machine, with the orders of the pitch and the frequencies that stand out of the residual."""
     of_pitch = orders(e.runs, e.base.after, session.stage.mechanics.pitch)
-    return candidates.scales(session, e.runs, of_pitch)._replace(modes=modes(e.runs, e.base.after))
+    size = candidates.scales(session, e.runs, of_pitch)._replace(modes=modes(e.runs, e.base.after))
+    return size._replace(coulomb=max(size.coulomb, sliding(e.base.model.stage.friction)))  # a model may give none
 
 
 def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
-    """All effects with their columns on these data, and what the null ensemble gives each."""
+    """All effects with their columns on these data, next to those of the null ensemble."""
     forms = candidates.forms(candidates.without(definitions(size), options.excluded))
     directions = [direction for form in forms for direction in candidates.directions(form)]
     ensemble = null_ensemble.members(e.base.model, ENSEMBLE_MEMBERS[options.full], ENSEMBLE_SEED, size.coulomb)
@@ -147,10 +165,7 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
         e.base.products,
         lambda run: sensitivities.all_columns(e.base.model, [run], [*directions, *ensemble], e.base.noise)[0],
     )
-    g = gram_matrices.fold_sums(products, e.base.after)
-    limits = thresholds(g, g.places(candidate_scores.nuisances(e)), forms)
-    measured = bool(g.current.any())
-    return Library(tuple(forms), products, limits, RESAMPLES[options.full], candidate_scores.closable(e, g), measured)
+    return library_of(e, forms, products)
 
 
 def _answer(
@@ -158,7 +173,7 @@ def _answer(
 ) -> DiagnosisResult:
     closure = validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open else None)
-    effects = with_shares(conclusions.effects(shape is not None), closure.shares)
+    effects = with_shares(conclusions.effects, closure.shares)
     verdict = verdict_of([effect for effect in effects if effect.probability >= NAMED], shape)
     return _empty(session, verdict)._replace(
         effects=tuple(effects),
@@ -167,6 +182,7 @@ def _answer(
         blocks=location.blocks,
         coordinates=location.coordinates,
         captures=location.captures,
+        parts=location.parts,
         shares=tuple(closure.shares.items()),
         unknown=shape,
         traces=tuple(closure.traces),
@@ -232,4 +248,5 @@ def _empty(session: Session, verdict: str) -> DiagnosisResult:
         kind=session.kind,
         travel_per_unit=session.travel_per_unit,
         travel_unit=session.travel_unit,
+        judged_on=HELD_OUT if any(log.held_out for log in session.logs) else UNFITTED,
     )

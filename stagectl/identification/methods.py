@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import importlib
 import inspect
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic
+from stagectl.typed_json import plain
 from stagectl.units import LINEAR
 
 
@@ -85,15 +83,15 @@ def result(
     return {
         "method": name,
         "stage": setup.file.name,
-        "parameters": {key: _plain(parameter._asdict()) for key, parameter in estimate.parameters.items()},
+        "parameters": {key: plain(parameter) for key, parameter in estimate.parameters.items()},
         "table": _table(estimate.table, setup) if estimate.table is not None else None,
-        "identifiability": _plain(_identifiability(estimate)),
-        **{key: _plain(estimate.details[key]) for key in common if key in estimate.details},
+        "identifiability": plain(_identifiability(estimate)),
+        **{key: plain(estimate.details[key]) for key in common if key in estimate.details},
         "captures": [_capture(capture) for capture in captures],
         "held_out": list(left),
         "notes": [str(note) for note in (*estimate.notes, *_tied(estimate)) if note not in of_captures],
-        "changes": _plain(estimate.changes),
-        "details": _plain({key: value for key, value in estimate.details.items() if key != "identifiability"}),
+        "changes": plain(estimate.changes),
+        "details": plain({key: value for key, value in estimate.details.items() if key != "identifiability"}),
     }
 
 
@@ -137,17 +135,4 @@ def _capture(capture: Capture) -> dict[str, Any]:
 def _table(table: Characteristic, setup: Setup) -> dict[str, Any]:
     length, force = ("m", "N") if setup.file.axis.kind == LINEAR else ("rad", "N m")
     units = {"displacement": length, "force": force, "weight": force, "slip": length}
-    return {**_plain(table._asdict()), "units": units}
-
-
-def _plain(value: Any) -> Any:
-    """The value as JSON can hold it: infinite and NaN become null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if hasattr(value, "_asdict"):
-        return _plain(value._asdict())
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return {**plain(table), "units": units}

@@ -3,30 +3,41 @@
     cov = (X'X)^-1 S (X'X)^-1 n/(n - k)        S = sum_l w_l (G_l + G_l')     G_l = sum_t x_t r_t r_(t-l) x_(t-l)'
 
 with Bartlett's weights ``w_l = 1 - l/(L + 1)``.  `covariance` takes Andrews' choice of L for scores that are
-first-order autoregressive; `sandwich` a fixed number of rows, for scores that are known to forget within it.
+first-order autoregressive.
 
 Source: W. K. Newey, K. D. West, Econometrica 55(3), 1987; D. W. K. Andrews, Econometrica 59(3), 1991.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from stagectl.identification.capture import Array
-from stagectl.identification.thresholds import LONG_RUN_ROWS, NOISE_LAG, SAME_COLUMN, STIFFEST_SCORES
+from stagectl.identification.thresholds import NOISE_LAG, STIFFEST_SCORES
 
 
-def covariance(regressor: Array, residual: Array) -> Array:
-    """Covariance (k, k) of the least-squares estimate with `regressor` (n, k) and `residual` (n,)."""
-    rows, count = regressor.shape
-    scores = regressor * residual[:, None]
+def covariance(regressor: Array, residual: Array, ends: Sequence[int] | NDArray[np.int64] = ()) -> Array:
+    """Covariance (k, k) of the least-squares estimate with `regressor` (n, k) and `residual` (n,).
+
+    `ends` are the rows at which one record ends and the next begins: two records are not correlated.
+    """
+    scores = np.split(regressor * residual[:, None], ends)
+    information = np.linalg.inv(regressor.T @ regressor)
+    return np.asarray(information @ sum(_middle(part) for part in scores) @ information)
+
+
+def _middle(scores: Array) -> Array:
+    """The sum S (k, k) of one record's scores (n, k), times ``n/(n - k)``."""
+    rows, count = scores.shape
     lag = min(bandwidth(scores), rows // 4)
     middle = scores.T @ scores
     for shift in range(1, lag + 1):
         product = scores[shift:].T @ scores[:-shift]
         middle += (1.0 - shift / (lag + 1.0)) * (product + product.T)
-    information = np.linalg.inv(regressor.T @ regressor)
-    return np.asarray(information @ middle @ information * rows / (rows - count))
+    return np.asarray(middle * (rows / (rows - count)))
 
 
 def white(regressor: Array, residual: Array) -> Array:
@@ -66,27 +77,6 @@ def integrated_autocorrelation(residual: Array) -> float:
     rho = correlation / correlation[0]
     negative = np.flatnonzero(rho <= 0.0)
     return float(2.0 * np.sum(rho[: negative[0] if len(negative) else len(rho)]) - 1.0)
-
-
-def long_run(scores: Array) -> Array:
-    """Covariance (p, p) of the sum of `scores` (n, p), correlated over up to LONG_RUN_ROWS rows (Bartlett's weights).
-
-    ``sum_l (1 - |l|/L) g_k g_k+l'`` is the mean product of the sums over all stretches of L rows, including those
-    that reach over an end, so that no estimate of a variance can be negative.
-    """
-    rows = len(scores)
-    sums = np.vstack([np.zeros((1, scores.shape[1])), np.cumsum(scores, axis=0)])
-    ends = np.arange(1, rows + LONG_RUN_ROWS)
-    stretches = sums[np.minimum(ends, rows)] - sums[np.maximum(ends - LONG_RUN_ROWS, 0)]
-    return np.asarray(stretches.T @ stretches / LONG_RUN_ROWS, dtype=np.float64)
-
-
-def sandwich(curvature: Array, scores: Array) -> Array:
-    """Covariance (p, p) of the solution of ``sum of scores = 0``, with its `curvature` (p, p) and `scores` (n, p)."""
-    inverse = np.linalg.pinv(curvature, rcond=SAME_COLUMN, hermitian=True)
-    rows, width = scores.shape
-    freedom = max(rows - width - 2 * LONG_RUN_ROWS, rows // 4)  # the parameters and the weights of the lags use some
-    return np.asarray(inverse @ long_run(scores) @ inverse * (rows / freedom), dtype=np.float64)
 
 
 def noise(residual: Array) -> float:

@@ -42,8 +42,6 @@ CUTOFF_SHARE = 0.1  # cut-off over sampling rate
 LOWEST_CUTOFF_SHARE = 0.005  # cut-off over sampling rate below which nothing is tried
 ACCELERATION_NOISE = 0.01  # largest share of the acceleration's variance that may be encoder noise
 STIFFEST_SCORES = 0.97  # autocorrelation of the scores beyond which a record is a trend; bounds Andrews' bandwidth
-LONG_RUN_ROWS = 30  # rows over which a residual may be correlated; the window of `simultaneous` alone makes it six
-SAME_COLUMN = 1e-9  # of the largest eigenvalue: below it two columns are one; rounding
 
 # Least squares.  Chosen.
 BOTH_DIRECTIONS = 0.05  # least share of the samples in the rarer direction
@@ -139,13 +137,16 @@ SINGULAR = 1e-6  # of the largest singular value: smaller ones are not inverted
 FASTEST_ROWS = 0.75  # of the largest speed: faster rows are held out
 IDENTIFIED_FACTOR = 30.0  # a searched parameter whose interval is wider than this factor is not identified
 COULOMB_STEPS = 20.0  # encoder steps over which a model's jump of Coulomb friction happens in simulation
-DELAY_PROBE = "gms"  # the member whose residual decides whether a delay is used
 FRICTION_ELEMENTS, SLIP_SPREAD = 6, 30.0  # stop operators, and largest over smallest slip
 TABLE_ROWS = 8  # of the data-based table
 SHORTEST_RANGE, LONGEST_RANGE = 2.0, 0.2  # encoder steps, of the stroke: bounds of a presliding range
 SLOWEST_STRIBECK, FASTEST_STRIBECK = 0.003, 0.5  # of the largest speed: bounds of Stribeck's velocity
 SEARCH_GRID = {0: 1, 1: 9, 2: 5, 3: 3}  # points of the grid along each of so many searched parameters
-SEARCH_STEPS, REFIT_STEPS = 10, 3  # evaluations from the grid, and from a fit of nearly the same rows
+SEARCH_STARTS = 3  # points of the grid that a search with a delay begins at: it makes local minima
+SEARCH_STEPS, REFIT_STEPS = (
+    10,
+    3,
+)  # evaluations from the grid, twice as many with a delay, and from a fit of nearly the same rows
 SEARCH_DERIVATIVE, SENSITIVITY_STEP = 1e-3, 1.02  # relative step of a derivative; factor of one
 REPEATING, NOT_REPEATING = 0.999, 0.5  # autocorrelation a period later, and what it falls below before
 ERROR_CUTOFF = 100.0  # Hz, of the filter of the closed loop's errors; Janot, Gautier, Brunot 2019
@@ -160,13 +161,14 @@ SLOW_MOTION, WEAK_ACCELERATION = 0.02, 0.05  # of the largest: below it a veloci
 SIGNIFICANT_ACCELERATION = 4.0  # standard deviations of its noise that an acceleration must exceed
 SAME_SIGN_ROWS = 10  # rows with velocity and acceleration of one sign
 BRAKED = -0.3  # least correlation of current and velocity
-LONGEST_WINDOW = 0.12  # s, over which an acceleration may be averaged
+LONGEST_WINDOW, WINDOW_SHARE = 0.12, 0.4  # s; of the mean time between reversals: acceleration averaged over either
 LOST_ACCELERATION = 0.1  # of the acceleration that may be noise
 FAST_SAMPLING = 2e-3  # s, a sampling time that the message recommends
 
 # Simultaneous: columns and windows.
 SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz; chosen
 LONGEST_KNOTS = 0.03  # s; chosen
+LEAST_KNOT_ROWS = 3.0  # samples in the longest knot distance; fewer, and the sampling is to blame; chosen
 WINDOWED_NOISE = 0.01  # noise that the encoder may leave in the acceleration, relative to its rms: biases it by 1e-4
 WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one; chosen
 MOST_ROWS = 120000  # of long captures
@@ -181,7 +183,7 @@ SLIP_STROKE = 0.1  # of a motion: the longest slip
 SLIP_SPAN = 300.0  # longest over shortest slip at most
 SLIPS, BRISTLES = 20, 5  # stop operators, lengths of bristles
 STRIBECK_OPERATORS = (3, 8, 14)  # stop operators that have Stribeck columns
-STRIBECK_SPEEDS, STRIBECK_COLUMNS = (0.01, 1.5), 6  # of the largest speed, from and to; number
+STRIBECK_SPEEDS, STRIBECK_COLUMNS = (0.01, 0.3), 6  # of the largest speed, from and to; number
 PATH_STEP = 1e-3  # s: a friction law follows a motion that is sampled at least as fast
 FINE_WINDOW = 2.1e-3  # s, knot distance from which the encoder's steps hide the speed between samples
 
@@ -191,12 +193,12 @@ NATURAL_DAMPING = 0.5  # 1/s times the inertia, added to the doubt of the viscou
 DELAY_PERIODS, DELAY_DOUBT = 2.0, 1e-3  # control periods, and s at least
 FRICTION_SCALES = (  # of ripple, operators, bristles, Stribeck and lag, in Coulomb frictions
     (0.0, 0.05),
-    (0.03, 0.1, 0.4),
-    (0.0, 0.1, 0.4),
-    (0.0, 0.03, 0.1, 0.3),
+    (0.0, 0.01, 0.03, 0.1, 0.4),
+    (0.0, 0.01, 0.1, 0.4),
+    (0.0, 0.01, 0.03, 0.1, 0.3),
     (0.0, 0.01, 0.1),
 )
-FIRST_SCALES = (0.0, 0.1, 0.0, 0.0, 0.0)  # with which the search begins: the simplest law
+FIRST_SCALES = (0.0, 0.0, 0.0, 0.0, 0.0)  # with which the search begins: the simplest law
 NO_SCALE = 1e-4  # in Coulomb frictions: a group that is left out
 LEAST_FRICTION = 0.1  # of the rms force: the least scale of friction; smaller friction is a small scale of it
 
@@ -218,13 +220,37 @@ FIRST_VARIANCE, LEAST_RESIDUAL = 1e-4, 1e-6  # of the force's mean square; of it
 # Simultaneous: temper.
 FORM_ERROR = 2e-3  # of the Coulomb friction: what the columns leave of a law, at least; chosen
 MISPLACED, STEPS_MISPLACED = 0.5, 2.0  # of the Coulomb friction, within an encoder step of a reversal; steps; chosen
-ANSWERED_NOISE = 1.0  # of the acceleration's noise in closed loop, in which the controller's answer correlates; chosen
-FORM_VALUES = 8.0  # values that an error of form is worth; calibrated on simulated axes of five laws
+ANSWERED_NOISE = 0.4  # of the acceleration's noise in closed loop, in which the controller's answer correlates; chosen
+FORM_VALUES = 16.0  # values that an error of form is worth; calibrated on simulated axes of five laws
 FAR_ROWS = 30  # rows over which the window and a slow residual correlate
 SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen
 
 # Simultaneous: doubts.  Chosen, but for RIPPLE.
 RIPPLE = 12.0  # Wald's statistic above which a ripple is reported; by chance once in four hundred
+RIPPLE_ORDERS = 12  # periods a revolution up to which a ripple is looked for: pole pairs, slots
+RIPPLE_PERIODS, HIGHER_RIPPLE = 2.0, 0.3  # periods of an order in the travel; its scale over that of the first order
+GRAVITY = 100.0  # in Coulomb frictions: scale of gravity's terms in the angle; loose
 RIPPLE_TRAVEL = 1.5  # rad, least travel that separates a ripple from the rest
 UNSURE, USELESS = 0.05, 0.2  # half of an interval over its value: reported; left out of the stage file
 NOT_EXCITED = 0.5  # half of an interval over that of the prior: the value rests on the stage file
+
+# Simultaneous: laws that are refined.  Chosen on simulated axes of six laws.
+LEAST_SMOOTHING, MOST_SMOOTHING = 5e-4, 0.05  # of the largest speed: width of a static law's step
+DAMPING_SPEED = 0.05  # of the largest speed: unit of a bristle's rate
+GMS_OPERATORS = 12  # operators of the GMS law
+TANGENT = 1.0  # standard deviation of a step along the logarithm of a law's parameter
+LAW_WEIGHT = 2.0  # standard deviation of a weight of a law over its mean: none is far below zero
+LAW_EXTRA = 1.0  # in Coulomb frictions: scale of a law's columns that are no friction of unit size
+ROUGH_NOISE = 0.02  # of the Coulomb friction: the residual that a search assumes
+LAW_STEPS, LAW_STARTS = 12, 1  # evaluations of the derivatives, and points of the grid that they begin at
+LAW_RIVALS = 3  # laws that are refined again once the path is known better
+LAW_DERIVATIVE = 1e-3  # relative step of a derivative
+LAW_ROWS = 4000  # rows that the search looks at
+LAW_GRID = {  # points of the grid, as shares of the way between the logarithms of the bounds
+    "range": (0.15, 0.4, 0.65, 0.85),
+    "exponent": (0.52,),
+    "rise": (0.77,),
+    "stribeck": (0.15, 0.4, 0.65, 0.85),
+    "elastic": (0.85,),
+    "smoothing": (0.15, 0.4, 0.65, 0.85),
+}

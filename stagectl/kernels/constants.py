@@ -6,6 +6,10 @@ FOLDBACK_BEGINS = 0.8  # share of the heat at which the current limit begins to 
 # Integration of the mechanics.
 LARGEST_ANGLE = 0.15  # rad of the fastest mode in one step; 0.1 % of its frequency (`transmission`)
 STRAIGHT_BELOW = 1e-6  # rad/s | m/s below which the root of the speed goes over into a straight line
+# rad of the vibration of the inertia on its sticking friction in one step; Verlet diverges at 2, and 0.5 is 1 % of the
+# frequency.  Half as much changes no diagnosis; four times as much lets logs of 100 Hz diverge.
+STICKING_ANGLE = 0.5
+MOST_STEPS = 400  # of a period: a friction that needs more has no displacement before it slips that any log shows
 SERIES_BELOW = 0.01  # y of a decay below which its mean is a series: as exact, and a fifth of the time
 PHI2_SERIES_BELOW = 0.5  # z below which phi_2 is a series, as its difference would cancel; rounding
 
@@ -17,3 +21,6 @@ TURN_SHARE = 0.1  # of the mean slip: a way back that is shorter is no reversal
 
 # The plant at rest.
 READING_STEPS = 20  # towards a reading of the encoder, each as much nearer as its error is flat
+LOAD_STEPS = (
+    2  # towards where the load is, whose weight decides where it is: each as much nearer as the spring is stiff
+)

@@ -16,6 +16,9 @@ def neutral(p: Drive) -> bool:
         p.dead_time == 0.0
         and p.jitter == 0.0
         and p.offset == 0.0
+        and p.gain == 0.0
+        and p.gain_asymmetry == 0.0
+        and p.directed_offset == 0.0
         and p.continuous_current == math.inf
         and p.voltage_limit == math.inf
     )
@@ -72,8 +75,21 @@ def heated(p: Drive, heat: float, current: float, dt: float) -> float:
 
 
 @kernel
-def limited(p: Drive, target: float, limit: float, velocity: float) -> float:
-    """`target` (A) within +-`limit`, plus the offset, within the limit of the voltage: ``|R i + K_e v| <= U``."""
+def amplified(p: Drive, command: float) -> float:
+    """Current (A) that a `command` (A) calls for: ``(1 + g + a sgn c) c + o sgn c``; the command when neutral."""
+    if (p.gain == 0.0 and p.gain_asymmetry == 0.0 and p.directed_offset == 0.0) or command == 0.0:
+        return command
+    return (
+        command * (1.0 + p.gain)
+        + abs(command) * p.gain_asymmetry
+        + math.copysign(p.directed_offset, p.directed_offset * command)
+    )
+
+
+@kernel
+def limited(p: Drive, command: float, limit: float, velocity: float) -> float:
+    """Current (A) of a `command` within +-`limit`, plus the offset, within the voltage: ``|R i + K_e v| <= U``."""
+    target = amplified(p, command)
     target = min(max(target, -limit), limit) + p.offset
     if p.voltage_limit == math.inf:
         return target

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from stagectl.kernels import effects, friction, friction_bristle, friction_effects, plant_with_effects, transmission
-from stagectl.kernels.constants import READING_STEPS
+from stagectl.kernels.constants import LOAD_STEPS, READING_STEPS
 from stagectl.kernels.plant import NO_COMMANDS, Line, Memory, Stage, State
 from stagectl.kernels.transmission import Bodies
 
@@ -14,14 +15,21 @@ _NEVER: Line = (-math.inf,) * 8  # no command has begun
 
 def at_rest(p: Stage, position: float, time: float) -> State:
     """The plant standing at `position` (rad | m) without command, at the session clock `time` (s)."""
-    driving, pulling = efforts(p, position, time)
-    load = driving + pulling
-    stops = friction.relaxed(p.friction.operators)
-    share, factor = _limits(p, position, time, driving, load)
-    bristle = friction_bristle.settled(p.friction.bristle, load, share)
-    carried = p.friction.bristle.stiffness * bristle
-    force = friction.settled(p.friction.operators, stops, load - carried, factor) + carried
-    behind = _load_at(p, position, driving, force)
+    return standing(p, friction.relaxed(p.friction.operators), position, time)
+
+
+def standing(p: Stage, stops: Any, position: float, time: float) -> State:
+    """`at_rest` with the operators `stops` (n,), changed in place, as its own."""
+    behind = position
+    for _ in range(LOAD_STEPS):
+        driving, pulling = efforts(p, position, time, behind)
+        load = driving + pulling
+        friction.relax(stops)
+        share, factor = _limits(p, position, time, driving, load)
+        bristle = friction_bristle.settled(p.friction.bristle, load, share)
+        carried = p.friction.bristle.stiffness * bristle
+        force = friction.settled(p.friction.operators, stops, load - carried, factor) + carried
+        behind = _load_at(p, position, driving, force)
     memory = Memory(
         time, _NEVER, -math.inf, 0.0, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0
     )  # fmt: skip
@@ -41,12 +49,12 @@ def read(p: Stage, measured: float) -> float:
     return position
 
 
-def efforts(p: Stage, position: float, time: float) -> tuple[float, float]:
-    """Efforts on motor and load (N m | N) of an axis at rest, before any friction."""
+def efforts(p: Stage, position: float, time: float, behind: float) -> tuple[float, float]:
+    """Efforts on motor and load (N m | N) of an axis at rest, its load `behind` (rad | m), before any friction."""
     bodies = Bodies(position, 0.0, position, 0.0, 0.0, 0.0)
     motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * position)
     path = plant_with_effects.Path(0.0, position, position, 0.0)
-    against = transmission.pulled(p.mechanics.cable, position, 0.0)
+    against = transmission.pulled(p.mechanics, behind, 0.0)
     if p.residual.coordinate != effects.NONE:
         now = (p.drive.offset, time)
         place = plant_with_effects.coordinate(p.residual.coordinate, p.mechanics.pitch, bodies, path, now)

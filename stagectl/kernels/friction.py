@@ -56,12 +56,18 @@ def relaxed(p: StopOperators) -> Any:
     return states(len(p.weight))
 
 
+def relax(s: Any) -> None:
+    """Take the load off operators `s` (n,), in place."""
+    for j in range(len(s)):
+        s[j] = 0.0
+
+
 def settled(p: StopOperators, s: Any, load: float, limit: float = 1.0) -> float:
     """Let relaxed operators `s` give way until they carry `load` (N m | N); the force they then give.
 
     A load beyond their sum lets all of them slip: the axis does not stay at rest.
     """
-    return stops(p, s, math.copysign(_given_way(p, abs(load), float(limit)), load), limit) if load else 0.0
+    return stops(p, s, math.copysign(_given_way(p, abs(load), float(limit)), load), limit) if load != 0.0 else 0.0
 
 
 @kernel

@@ -51,7 +51,8 @@ def along(p: Stage, x: State, motion: Any, steps: tuple[float, int], out: Any) -
         masses = transmission.coefficients(p.mechanics, x.memory.time, h)
         held = friction_effects.held(p.friction, x.memory.time, h)
         for k in range(first, min(first + each, len(motion))):
-            given = _Given(motion[k, 0], motion[k, 1], motion[k, 2])
+            row = motion[k]
+            given = _Given(row[0], row[1], row[2])
             opposed = _opposed(p, (masses, held), x, given)
             effort, bodies = _effort(masses, x.memory, given, opposed)
             motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * given.position)
@@ -97,7 +98,7 @@ def _opposed(
     path = plant_with_effects.Path(m.cable, m.turned, m.furthest, m.direction)
     path = plant_with_effects.pulled_along(path, p.mechanics.cable.slip, load - m.load)
     bodies = Bodies(given.position, given.velocity, load, m.load_velocity, m.base, m.base_velocity)
-    pull = transmission.pulled(p.mechanics.cable, load, path.cable) - p.mechanics.bias
+    pull = transmission.pulled(p.mechanics, load, path.cable) - p.mechanics.bias
     code = p.residual.coordinate
     if code != effects.NONE:
         path = plant_with_effects.turning(path, given.position, TURN_SHARE * c.length)

@@ -12,6 +12,10 @@ What depends on the reference alone is computed before the motion (`kernels.feed
 period is a subtraction, the feedback and a limit.  A setpoint may open the loop: then only what is known beforehand
 flows, as in a frequency response or when the axis is released.  One function, wherever the law runs: loop,
 simulator, replay, tests.
+
+An encoder does not see less than a count, so a loop with an integrator hunts about a target between two counts.  While
+the reference stands still and nothing is injected, an error within the `standstill_band` is left alone: the integral
+keeps the current that carries the friction, and the axis rests.
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ class Law(NamedTuple):
     cascade: cascade.Cascade = cascade.ABSENT
     cascaded: bool = False  # which of the two feeds back
     observer: observer.Observer = observer.ABSENT
+    standstill_band: float = 0.0  # rad | m, error that is left alone while the reference stands still; 0: none
 
 
 class Setpoint(NamedTuple):
@@ -86,18 +91,30 @@ def limited(p: Law, command: float) -> float:
 
 
 @kernel
+def acted_on(p: Law, r: Setpoint, error: float) -> float:
+    """The error (rad | m) that the feedback sees: at standstill what exceeds the band, so that it begins at zero.
+
+    An observer acts within a band, too, so with one there is none.
+    """
+    if p.standstill_band == 0.0 or p.observer.active or r.velocity != 0.0 or r.injection != 0.0:
+        return error
+    return max(error - p.standstill_band, 0.0) + min(error + p.standstill_band, 0.0)
+
+
+@kernel
 def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]:
     """One period: the current for this measured position (rad | m)."""
     if r.closed == 0.0:
         known = r.feedforward + r.friction + r.learned + r.injection
         return Output(0.0, 0.0, 0.0, 0.0, 0.0, known, limited(p, known)), AT_REST
     error = r.target - measured
-    pid, outer, driving = x.feedback, x.cascade, error
+    driving = acted_on(p, r, error)
+    pid, outer = x.feedback, x.cascade
     if p.cascaded:
-        terms, outer = cascade.step(p.cascade, x.cascade, (error, r.velocity), measured)
+        terms, outer = cascade.step(p.cascade, x.cascade, (driving, r.velocity), measured)
         driving = outer.error
     else:
-        terms, pid = feedback.step(p.feedback, x.feedback, error)
+        terms, pid = feedback.step(p.feedback, x.feedback, driving)
     known = r.feedforward + r.friction + r.learned + r.injection
     against, seen = 0.0, x.observer
     if p.observer.active:

@@ -21,6 +21,9 @@ DeadTime = Annotated[
 ]
 Jitter = Annotated[float, Quantity("s", "[0, 0.01]", "rms of a random part of that delay")]
 CurrentOffset = Annotated[float, Quantity("A", "[-1e3, 1e3]", "current that is added to the motor current")]
+Gain = Annotated[float, Quantity("", "[-0.9, 10]", "g of (1 + g + a sgn c) c + o sgn c, what a command c gives")]
+GainAsymmetry = Annotated[float, Quantity("", "[-0.9, 0.9]", "a of that current: positive against negative commands")]
+DirectedOffset = Annotated[float, Quantity("A", "[-1e3, 1e3]", "o of that current: an offset with the command's sign")]
 Continuous = Annotated[float, Quantity("A", "(0, inf]", "current to which the limit folds back; inf: never")]
 FoldbackTime = Annotated[float, Quantity("s", "(0, 1e5]", "time for which the drive gives its largest current")]
 Voltage = Annotated[
@@ -61,6 +64,9 @@ class Drive(NamedTuple):
     resistance: Resistance = 1.0
     back_emf: BackEmf = 0.0
     telemetry: Reported = Reported()
+    gain: Gain = 0.0
+    gain_asymmetry: GainAsymmetry = 0.0
+    directed_offset: DirectedOffset = 0.0
 
 
 class Motor(NamedTuple):
@@ -69,6 +75,8 @@ class Motor(NamedTuple):
     force_constant: Annotated[float, Quantity("N m/A | N/A", "(0, 1e6]", "effort of one ampere, Kt")]
     cogging: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort without current")] = Harmonic()
     cogging_second: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "a second one")] = Harmonic()
+    cogging_third: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "a third one")] = Harmonic()
+    cogging_fourth: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "a fourth one")] = Harmonic()
     ripple: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of the current's effort")] = Harmonic()
     ripple_second: Annotated[Harmonic, Quantity("", "[-1, 1]", "a second one")] = Harmonic()
 
@@ -127,6 +135,9 @@ class Mechanics(NamedTuple):
     cable: Cable = Cable()
     transmission: Transmission = Transmission()
     base: Base = Base()
+    gravity: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort against the motion by the angle")] = (
+        Harmonic()
+    )
 
 
 class Dwell(NamedTuple):

@@ -36,6 +36,7 @@ class Motoring(NamedTuple):
 def smooth(p: Motor) -> bool:
     """Whether the motor neither cogs nor ripples."""
     cogs = p.cogging.amplitude != 0.0 or p.cogging_second.amplitude != 0.0
+    cogs = cogs or p.cogging_third.amplitude != 0.0 or p.cogging_fourth.amplitude != 0.0
     return not cogs and p.ripple.amplitude == 0.0 and p.ripple_second.amplitude == 0.0
 
 
@@ -43,9 +44,9 @@ def smooth(p: Motor) -> bool:
 def motoring(p: Motor, angle: float) -> Motoring:
     """Force constant with its ripple, and cogging, at an angle in the pitch (rad)."""
     ripple = effects.wave(p.ripple, angle) + effects.wave(p.ripple_second, angle)
-    return Motoring(
-        p.force_constant * (1.0 + ripple), effects.wave(p.cogging, angle) + effects.wave(p.cogging_second, angle)
-    )
+    cogging = effects.wave(p.cogging, angle) + effects.wave(p.cogging_second, angle)
+    cogging += effects.wave(p.cogging_third, angle) + effects.wave(p.cogging_fourth, angle)
+    return Motoring(p.force_constant * (1.0 + ripple), cogging)
 
 
 @kernel
@@ -156,7 +157,7 @@ def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
     along, lead, balls, code = p.friction.along, p.friction.lead, p.friction.ball_pass, p.residual.coordinate
     lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, TURN_SHARE * c.contact.length
     at = motoring(motor, c.turn * bodies.position)
-    against = transmission.pulled(mechanics.cable, bodies.load, path.cable)
+    against = transmission.pulled(mechanics, bodies.load, path.cable)
     if code != effects.NONE:
         against += effects.looked_up(p.residual, coordinate(code, mechanics.pitch, bodies, path, (current, y.time)))
     for k in range(c.steps):
@@ -177,7 +178,7 @@ def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
         force = friction.stops_between(operators, stops, h * velocity, limits.low, limits.high)
         contact = friction_effects.slid(c.contact, contact, limits, force, h * velocity)
         path = pulled_along(path, mechanics.cable.slip, bodies.load - load)
-        against = transmission.pulled(mechanics.cable, bodies.load, path.cable)
+        against = transmission.pulled(mechanics, bodies.load, path.cable)
         if code != effects.NONE:
             path = turning(path, bodies.position, back)
             now = coordinate(code, mechanics.pitch, bodies, path, (current, time + h))

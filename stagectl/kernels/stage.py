@@ -30,6 +30,7 @@ from stagectl.kernels import (
     plant_with_effects,
     transmission,
 )
+from stagectl.kernels.constants import MOST_STEPS, STICKING_ANGLE
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import NO_COMMANDS as NO_COMMANDS
 from stagectl.kernels.plant import SILENT as SILENT
@@ -90,6 +91,12 @@ def stiffness(p: Friction) -> float:
     """Stiffness at rest (N m/rad | N/m), before anything slips."""
     pairs = zip(p.operators.weight, p.operators.rate, strict=True)
     return float(sum(a * r for a, r in pairs)) + (p.bristle.stiffness if p.bristle.coulomb > 0.0 else 0.0)
+
+
+def steps_that_hold(p: Stage, dt: float, least: int) -> int:
+    """Integration steps of a period `dt` (s): `least`, or as many as the friction's stiffness needs."""
+    turn = math.sqrt(stiffness(p.friction) / p.mechanics.inertia) * dt
+    return min(max(least, math.ceil(turn / STICKING_ANGLE)), MOST_STEPS)
 
 
 @kernel

@@ -26,7 +26,7 @@ from typing import NamedTuple
 from stagectl.kernels import effects
 from stagectl.kernels.constants import LARGEST_ANGLE, STRAIGHT_BELOW
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Cable, Mechanics
+from stagectl.kernels.plant import Mechanics
 
 
 class Bodies(NamedTuple):
@@ -60,7 +60,13 @@ def neutral(p: Mechanics) -> bool:
     smooth = p.quadratic == 0.0 and p.root == 0.0 and p.viscous_asymmetry == 0.0
     still = p.viscous_warming.rise == 0.0 and p.viscous_step.share == 0.0
     rigid = p.transmission.load_share == 0.0 or p.transmission.resonance == 0.0
-    return smooth and still and rigid and p.base.ratio == 0.0 and p.cable.stiffness == 0.0 and p.cable.hysteresis == 0.0
+    return smooth and still and rigid and p.base.ratio == 0.0 and free(p)
+
+
+@kernel
+def free(p: Mechanics) -> bool:
+    """Whether neither cable nor gravity pulls."""
+    return p.cable.stiffness == 0.0 and p.cable.hysteresis == 0.0 and p.gravity.amplitude == 0.0
 
 
 @kernel
@@ -158,6 +164,7 @@ def moved(c: Coefficients, x: Bodies) -> Bodies:
 
 
 @kernel
-def pulled(p: Cable, position: float, element: float) -> float:
-    """Effort against the motion of a cable whose Maxwell element stands at `element`, in [-1, 1]."""
-    return p.stiffness * (position - p.centre) + p.hysteresis * element
+def pulled(p: Mechanics, position: float, element: float) -> float:
+    """Effort against the motion of cable and gravity; the cable's Maxwell element stands at `element`, in [-1, 1]."""
+    cable = p.cable.stiffness * (position - p.cable.centre) + p.cable.hysteresis * element
+    return cable + effects.wave(p.gravity, effects.TURN / p.pitch * position)

@@ -39,8 +39,6 @@ class Post(NamedTuple):
     dt: float  # s, of all axes
     priority: int
     cpu: int | None
-    width: int  # of the rings
-    capacity: int
     coupled: bool  # a fault of one axis stops all
     spin: float = 0.0  # s, see `realtime.Metronome`
     single: bool = False  # one axis and one motion: the process ends with it
@@ -128,9 +126,8 @@ class Loop:
         self._opening.close()
 
     def _axis(self, p: Orders) -> Axis:
-        ring = Ring(p.ring, self._post.width, self._post.capacity)
         kind = SingleAxis if self._post.single else Axis
-        return kind(p, Board(p.board), ring, self._connect, self._clock)
+        return kind(p, Board(p.board), Ring(*p.ring), self._connect, self._clock)
 
     def _idle(self) -> None:
         self._clock.sleep(_IDLE)
@@ -219,7 +216,8 @@ def perform(post: Post) -> None:
         loop.connect()
         if axis.drive is None or axis.state is not State.DISABLED:
             raise DriveError(axis.reason or axis.board.words)
-        _say("ready", refused=scheduling.prepare(post.priority, post.cpu), drive=axis.drive.describe())
+        facts = {"drive": axis.drive.describe(), "position": axis.drive.position()}
+        _say("ready", refused=scheduling.prepare(post.priority, post.cpu), **facts)
         if sys.stdin.readline().strip() != "go":  # the recorder must be ready, with the drive's identity in its file
             return
         loop.begin()

@@ -22,7 +22,7 @@ from stagectl.realtime.homing import DriveSearch, Search
 from stagectl.realtime.setpoint_sources import Hold, Model, Rows, Source, held
 from stagectl.realtime.shared_memory import Board
 from stagectl.realtime.states import POWERED, STOPS_GOING_ON, State
-from stagectl.recording.ring import Ring
+from stagectl.recording.ring import Ring, RingPlace
 
 LAW = 40  # an order beside the events: other gains
 NO_OUTPUT = law.Output(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -64,7 +64,7 @@ class Orders(NamedTuple):
     stage: stage.Stage
     simulation: Simulation
     limits: AxisLimits  # that the drive's own limits must agree with
-    ring: int  # descriptors
+    ring: RingPlace
     board: int
     brake: Brake = NO_BRAKE
     holding: float = 0.0  # A, current that carries the axis as its brake is released

@@ -6,10 +6,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stagectl.drives.bus.channel_lock import ChannelLock, lock_path
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
-from stagectl.drives.bus.other_masters import listen
+from stagectl.drives.bus.other_masters import ChannelLock, listen, lock_path
 from stagectl.drives.drive import Canopen, Drive, Odrive
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.realtime.axis_data import Orders

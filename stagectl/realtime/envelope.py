@@ -6,16 +6,8 @@ import math
 from typing import Any
 
 from stagectl.config.stage_file import Setup
+from stagectl.drives import limits as decided
 from stagectl.drives.drive import Canopen
-from stagectl.drives.limits import (
-    CURRENT_FLOOR,
-    CURRENT_LAGS,
-    CURRENT_NOISE,
-    CURRENT_SHARE,
-    CURRENT_TIME,
-    FROZEN_QUANTA,
-    FROZEN_TIME,
-)
 from stagectl.kernels import stage
 from stagectl.realtime.safety import Envelope
 
@@ -42,7 +34,6 @@ def envelope(setup: Setup) -> Envelope:
         error_ramp=(moving - rest) / limits.speed,
         error_time=limits.following_error_time,
         deceleration=braking(setup),
-        age=realtime.feedback_age * setup.dt,
         jump=_counted(p, limits.encoder_jump, _JUMP * moving),
         acceleration=_FORCE * acceleration(p),
         freeze=_counted(p, limits.encoder_freeze, _FREEZE * moving),
@@ -61,17 +52,19 @@ def _followed(setup: Setup) -> dict[str, Any]:
     drive, wire, dt = setup.stage.drive, setup.file.drive.wire, setup.dt
     measured = wire.current_scale if isinstance(wire, Canopen) else 0.0
     count = max(measured, drive.current_quantum)  # A; a smaller change of the command shows in neither
-    noise, errors = CURRENT_NOISE * setup.file.simulation.current_noise, drive.telemetry
-    floor = max(CURRENT_FLOOR * drive.current_limit, 2.0 * count) + noise + abs(drive.offset) + abs(errors.offset)
+    noise, errors = decided.CURRENT_NOISE * setup.file.simulation.current_noise, drive.telemetry
+    floor = (
+        max(decided.CURRENT_FLOOR * drive.current_limit, 2.0 * count) + noise + abs(drive.offset) + abs(errors.offset)
+    )
     given = setup.file.limits.current_deviation
-    settling = CURRENT_LAGS * drive.current_lag + errors.late + drive.dead_time + (drive.delay_samples + 2) * dt
+    settling = decided.CURRENT_LAGS * drive.current_lag + errors.late + drive.dead_time + (drive.delay_samples + 2) * dt
     return {
         "current_floor": floor if given is None else given,
-        "current_share": CURRENT_SHARE + abs(errors.gain),
+        "current_share": decided.CURRENT_SHARE + abs(errors.gain),
         "current_settling": settling,
-        "unfollowed_time": CURRENT_TIME + settling,
-        "frozen": FROZEN_QUANTA * count + noise,
-        "frozen_time": FROZEN_TIME + settling,
+        "unfollowed_time": decided.CURRENT_TIME + settling,
+        "frozen": decided.FROZEN_QUANTA * count + noise,
+        "frozen_time": decided.FROZEN_TIME + settling,
     }
 
 
@@ -83,12 +76,11 @@ def acceleration(p: stage.Stage) -> float:
 
 def braking(setup: Setup) -> float:
     """With how much the axis can be braked (rad/s^2 | m/s^2): the drive's ramp, as far as the current carries it."""
-    limits, p, wire = setup.file.limits, setup.stage, setup.file.drive.wire
+    limits, p = setup.file.limits, setup.stage
     if limits.deceleration is not None:
         return limits.deceleration
-    ramp = wire.quick_stop_deceleration if isinstance(wire, Canopen) else limits.acceleration
     effort = p.drive.current_limit * p.motor.force_constant + stage.sliding(p.friction) - abs(p.mechanics.bias)
-    return min(ramp, max(effort, 0.0) / p.mechanics.inertia)
+    return min(setup.file.own_ramp, max(effort, 0.0) / p.mechanics.inertia)
 
 
 def _breakaway(p: stage.Stage) -> float:

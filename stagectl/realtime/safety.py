@@ -37,7 +37,6 @@ class Envelope(NamedTuple):
     error_ramp: float = 0.0  # s, following error that is added for each unit of speed
     error_time: float = 0.0  # s that it may be beyond; twice the limit is never waited for
     deceleration: float = INF  # rad/s^2 | m/s^2, with which the axis can be braked
-    age: float = INF  # s, of a position
     jump: float = INF  # rad | m beyond what the speed explains
     acceleration: float = INF  # rad/s^2 | m/s^2, the most that any force can give
     freeze: float = INF  # rad | m, way of the reference in which the position must change
@@ -155,8 +154,6 @@ def _sensed(p: Envelope, before: Watch, x: Watch, now: Observation, limit: float
     """Encoder, and tracking with a following error of `limit` (rad | m)."""
     if jumped(p, before, x.position, now.time):
         return Fault.JUMP
-    if now.feedback.age > p.age:
-        return Fault.STALE
     if x.idle > p.freeze or x.stuck > p.freeze_time or x.frozen > p.frozen_time:
         return Fault.FREEZE
     if x.unfollowed > p.unfollowed_time:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple, Protocol
 
 from stagectl.kernels.law import Setpoint
@@ -115,8 +114,3 @@ class Ramp:
     def brake(self) -> None:
         """Come to rest from here."""
         self._goal = 0.0
-
-    @property
-    def stops_at(self) -> float:
-        """Where it comes to rest if it brakes now (rad | m)."""
-        return self._position + math.copysign(self._speed * self._speed / (2.0 * self._p.acceleration), self._speed)

@@ -134,10 +134,7 @@ class Board:
         return self._counts[_WRITTEN]
 
     def order(self, order: Order) -> int:
-        """Give an order; its number.
-
-        Raises BoardFullError where the loop has taken none of the last `SLOTS`.
-        """
+        """Give an order; its number.  Raises BoardFullError where the loop has taken none of the last `SLOTS`."""
         number = self.ordered
         if number >= SLOTS and self.verdict(number - SLOTS) == PENDING:
             raise BoardFullError(

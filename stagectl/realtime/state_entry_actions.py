@@ -106,14 +106,6 @@ def _engaging(axis: AxisData, _: State) -> Event | None:
     return None
 
 
-def _quick_stopping(axis: AxisData, _: State) -> None:
-    _begin_stop(axis, Power.QUICK_STOP)
-
-
-def _coasting(axis: AxisData, _: State) -> None:
-    _begin_stop(axis, Power.OFF)
-
-
 def _begin_stop(axis: AxisData, power: Power) -> None:
     axis.search = None
     axis.since, axis.start, axis.lost = axis.cycles, axis.seen.position, math.nan
@@ -134,8 +126,8 @@ _ENTRIES: dict[State, Callable[[AxisData, State], Event | None]] = {
     State.HOMING: _homing,
     State.DRIVE_HOMING: _drive_homing,
     State.STOPPING: _braking,
-    State.QUICK_STOPPING: _quick_stopping,
-    State.COASTING: _coasting,
+    State.QUICK_STOPPING: lambda axis, _: _begin_stop(axis, Power.QUICK_STOP),
+    State.COASTING: lambda axis, _: _begin_stop(axis, Power.OFF),
     State.FAULT: _without_power,
     State.ENGAGING: _engaging,
 }

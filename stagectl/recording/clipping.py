@@ -17,19 +17,16 @@ def clipped(current: Array) -> NDArray[np.intp]:
     The flat top of a rounded sine, or of friction that saturates, is reached without one.
     """
     largest = float(np.abs(current).max())
-    sides = [
-        end for end in (float(current.max()), float(current.min())) if abs(end) >= constants.CLIPPED_SIDE * largest
-    ]
+    ends = (float(current.max()), float(current.min()))
+    sides = [end for end in ends if abs(end) >= constants.CLIPPED_SIDE * largest]
     top = np.any([np.abs(current - end) <= 1e-6 * largest for end in sides], axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))
     runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= constants.CLIPPED_RUN]
     rows = np.concatenate([np.arange(a, b) for a, b in runs]) if runs else np.zeros(0, dtype=np.intp)
     if len(rows) < constants.CLIPPED_SHARE * len(current):
         return np.zeros(0, dtype=np.intp)
-    ends = [0, *(b for _, b in runs)]
-    apart = [
-        (end, a) for end, (a, _) in zip(ends, runs, strict=False) if end == 0 or a - end > 4 * constants.CLIPPED_RUN
-    ]  # noise breaks runs
+    gaps = zip([0, *(b for _, b in runs)], (a for a, _ in runs), strict=False)
+    apart = [(end, a) for end, a in gaps if end == 0 or a - end > 4 * constants.CLIPPED_RUN]  # noise breaks runs
     corners = [corner for end, a in apart if not math.isnan(corner := _corner(current[end:a], current[a]))]
     return rows if corners and float(np.median(corners)) >= constants.CLIPPED_CORNER else np.zeros(0, dtype=np.intp)
 

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.kernels import rollout
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import Scales
@@ -25,18 +24,10 @@ _LENGTHS = {"reference": "reference", **dict.fromkeys(POSITIONS, "measured")}
 _CURRENTS = {
     **dict.fromkeys(("current_command", "force_command", "torque_command", "voltage_command", "command"), "command"),
     **dict.fromkeys(("current", "force", "torque", "measured_current"), "measured_current"),
-    **({"injection": "injection"} if "injection" in rollout.COLUMNS else {}),
+    "injection": "injection",
 }
 QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
-CHOICES = (
-    "time",
-    "position",
-    "velocity",
-    "current",
-    "command",
-    "reference",
-    *(["injection"] if "injection" in _CURRENTS else []),
-)
+CHOICES = ("time", "position", "velocity", "current", "command", "reference", "injection")
 _HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z][A-Za-z .*·]*))?")
 _BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")

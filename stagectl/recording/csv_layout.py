@@ -85,9 +85,12 @@ def _whole(line: str, how: Layout) -> bool:
     return not last or _number(last) or not _number(f"{last}0")
 
 
+_TEXT = "; give a text file with a header and rows of numbers"
+
+
 def _read_as_csv(path: Path) -> AbstractContextManager[None]:
     causes = (OSError, UnicodeDecodeError, csv.Error)
-    return RecordingError.instead_of(causes, f"{path} is not CSV text", path, ProblemKind.SYNTAX)
+    return RecordingError.instead_of(causes, f"{path} is not CSV text", path, ProblemKind.SYNTAX, _TEXT)
 
 
 def _split(lines: list[str], separator: str) -> list[list[str]]:

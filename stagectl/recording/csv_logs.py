@@ -184,7 +184,7 @@ def read_table(
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
     causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
     end = last_rows(path, how, most)
-    with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE):
+    with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE, "; correct the row or remove it"):
         with path.open("rb") as file:  # of a whole file no more than a block is in memory
             source = file if end.length == path.stat().st_size else arrow().BufferReader(file.read(end.length))
             table = arrow().csv.read_csv(source, reading, parsing, converting)

@@ -24,6 +24,7 @@ from stagectl.recording import mcap_log
 from stagectl.recording.arrow import arrow
 from stagectl.recording.constants import AT_REST, RUN
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
+from stagectl.recording.metadata import flat
 from stagectl.recording.nominal_yaml import nominal_of
 from stagectl.trajectories import Recorded
 
@@ -260,13 +261,11 @@ def _seconds(recording: Recording) -> float:
     return datetime.datetime.strptime(recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()
 
 
-def _difference(a: Any, b: Any, place: str = "") -> str:
+def _difference(a: dict[str, Any], b: dict[str, Any]) -> str:
     """Where two nested blocks first differ; an empty string where they are equal."""
-    if isinstance(a, dict) and isinstance(b, dict):
-        keys = dict.fromkeys([*a, *b])
-        differing = (_difference(a.get(key), b.get(key), f"{place}.{key}".lstrip(".")) for key in keys)
-        return next((difference for difference in differing if difference), "")
-    return "" if a == b else f"{place} ({a} and {b})"
+    one, other = flat(a), flat(b)
+    differing = (key for key in one | other if one.get(key) != other.get(key))
+    return next((f"{key} ({one.get(key)} and {other.get(key)})" for key in differing), "")
 
 
 def _dump(path: Path, values: Any) -> None:

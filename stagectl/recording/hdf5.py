@@ -4,8 +4,9 @@
 
     /               format, created, complete, ended, lost_rows, gaps     (attributes)
                     meta: JSON - name, axis, dt, nd, nm, law, steady window, versions, drive, config files
-    /samples  (n,)  one compound row per control period, float64 columns in SI units; unit and meaning of
-                    each column as JSON in its attributes
+    /samples        one row per control period, float64 columns in SI units; unit and meaning of each column as
+                    JSON in its attributes; packed without loss, by filters that every HDF5 has.  What follows from
+                    other columns stands beside it, see `packing`
 
 It appears under its name when it can be read, see `claim`.  While it is written it is in SWMR mode: others may read
 along.  If the writer dies, HDF5 leaves a mark that it is still open; `repair` then rewrites the file once, whole.
@@ -19,6 +20,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import struct
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
@@ -28,13 +30,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
-from stagectl.problem import ProblemKind
+from stagectl.problem import ProblemKind, absent
 from stagectl.recording.constants import BLOCK, GAPS, LONGEST_REASON, ROOM_AT_ONCE, ROOM_PER_BLOCK
 from stagectl.recording.file_lock import RecordingError as RecordingError
 from stagectl.recording.file_lock import beginning, being_written, claimed
+from stagectl.recording.packing import Packed, Packer, layout
 from stagectl.units import Quantity, quantity_of
 
-FORMAT = "stagectl-recording/1"
+FORMAT, _READ = "stagectl-recording/2", ("stagectl-recording/1", "stagectl-recording/2")
+_HDF5, _HEAD = b"\x89HDF\r\n\x1a\n\x03", struct.Struct("<12s16xQ")  # signature and version 3; the end of the file
 _CUT_OFF = "the recorder was cut off: the rows end at its last block"
 
 
@@ -78,7 +82,6 @@ class Writer:
 
     def __init__(self, path: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
         self.path = path
-        self._dtype = np.dtype([(name, "<f8") for name in columns])
         if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
             reason = f"{path} is no ordinary file and is left as it is: choose another file with -o"
             raise RecordingError(reason, file=path, kind=ProblemKind.FILE)
@@ -101,25 +104,22 @@ class Writer:
         self._file = h5py.File(place, "w", libver="latest")
         self._file.attrs.update({"format": FORMAT, "created": meta["created"], "meta": json.dumps(meta)})
         self._file.attrs.update(_ending(_CUT_OFF, False, 0, ()))
-        self._samples = self._file.create_dataset("samples", (0,), self._dtype, maxshape=(None,), chunks=(BLOCK,))
-        self._samples.attrs.update(_column_attributes(meta["axis"], columns))
+        self._packer = Packer(self._file, layout(meta, columns), columns)
+        self._packer.samples.attrs.update(_column_attributes(meta["axis"], columns))
         self._file.flush()
         self._file.swmr_mode = True
         self._room = os.fstat(self._held.fileno()).st_size
-        self._reserve(ROOM_AT_ONCE)
+        self._reserve(self._room + ROOM_AT_ONCE)
 
     def append(self, rows: bytes) -> None:
         """Add whole rows (float64, column after column) and push them to the disk's cache.
 
         Raises RecordingError where there is no room now, and DamagedError where the file is lost for good.
         """
-        block = np.frombuffer(rows, dtype=self._dtype)
-        size = self._samples.shape[0]
-        self._reserve(len(rows) + ROOM_PER_BLOCK * (1 + len(block) // BLOCK))
+        blocks = 1 + len(rows) // (BLOCK * self._packer.row)
+        self._reserve(self._file.id.get_filesize() + self._packer.room(rows) + ROOM_PER_BLOCK * blocks)
         with self._damaged_by("written to"):
-            self._samples.resize((size + len(block),))
-            self._samples[size:] = block
-            self._samples.flush()
+            self._packer.append(rows)
 
     def close(self, ended: str, lost_rows: int, complete: bool = True, gaps: Gaps = ()) -> None:
         """Finish the file, with the reason of its end and what is lost; in place, as there may be no room for more.
@@ -136,12 +136,14 @@ class Writer:
         words = f"{self.path}: the disk failed while it was {action}"
         return DamagedError.instead_of((OSError, RuntimeError), words, self.path, ProblemKind.FILE)
 
-    def _reserve(self, more: int) -> None:
-        """Take room for so many bytes more.  Raises RecordingError."""
+    def _reserve(self, end: int) -> None:
+        """Take room up to this byte of the file; rows that pack well leave some.  Raises RecordingError."""
+        if end <= self._room:
+            return
         words, advice = f"{self.path} cannot be written", "; make room, or choose another disk"
         with RecordingError.instead_of((OSError,), words, self.path, ProblemKind.FILE, advice):
-            os.posix_fallocate(self._held.fileno(), self._room, more)
-        self._room += more
+            os.posix_fallocate(self._held.fileno(), self._room, end - self._room)
+        self._room = end
 
 
 Gaps = Sequence[tuple[int, int]]
@@ -167,7 +169,7 @@ def _ours(path: Path) -> bool:
     """Whether a file may be written over: a recording, whole or cut off."""
     try:
         with _opened(path) as file:
-            return str(file.attrs.get("format")) == FORMAT
+            return str(file.attrs.get("format")) in _READ
     except RecordingError:
         return False
 
@@ -180,21 +182,45 @@ def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str, co
     writer.close(ended, 0, complete)
 
 
+def _not_cut_short(path: Path) -> None:
+    """HDF5 would look for the missing end without an end of its own.  Raises RecordingError.
+
+    The end of the file stands in its first bytes (HDF5 file format specification, superblock version 3).  While it is
+    being written that is ahead of its size now and then.
+    """
+    with contextlib.suppress(OSError):  # of a file that may only be read
+        if being_written(path):
+            return
+    with path.open("rb") as file:
+        head = file.read(_HEAD.size)
+    if not head.startswith(_HDF5):
+        return
+    size, end = path.stat().st_size, _HEAD.unpack(head)[-1] if len(head) == _HEAD.size else _HEAD.size
+    if size < end:
+        reason = f"{path} has {size} of {end} bytes: it was cut short; copy it again"
+        raise RecordingError(reason, path, ProblemKind.SYNTAX)
+
+
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
     try:
         file = h5py.File(path, "r")
     except OSError as first:
         if not path.is_file():
-            raise RecordingError(f"{path}: no such recording", path, ProblemKind.FILE) from first
+            raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE) from first
+        _not_cut_short(path)
         try:
             file = h5py.File(path, "r", libver="latest", swmr=True)
         except OSError as error:
             raise RecordingError(
-                f"{path} is not an HDF5 file, or it is damaged: {error}", path, ProblemKind.SYNTAX
+                f"{path} is not an HDF5 file, or it is damaged: {error}; `stagectl import` reads other logs",
+                path,
+                ProblemKind.SYNTAX,
             ) from error
+    words, advice = f"{path} is damaged", ": copy it again"
     try:
-        yield file
+        with RecordingError.instead_of((OSError,), words, path, ProblemKind.SYNTAX, advice):
+            yield file
     finally:
         file.close()
 
@@ -205,31 +231,29 @@ def open_recording(path: Path, only: Collection[str] = ()) -> Recording:
     Raises RecordingError where the file is not a recording of ours.
     """
     with _opened(path) as file:
-        if file.attrs.get("format") != FORMAT or "samples" not in file:
+        if file.attrs.get("format") not in _READ or "samples" not in file:
             raise RecordingError(f"{path} {_strange(str(file.attrs.get('format', '')))}", path, ProblemKind.SYNTAX)
         complete = bool(file.attrs.get("complete", False))
         ended = file.attrs.get("ended", _CUT_OFF)
         ended = ended.decode(errors="ignore") if isinstance(ended, bytes) else str(ended)
         lost = int(file.attrs.get("lost_rows", 0))
         gaps = tuple((int(row), int(count)) for row, count in file.attrs.get("gaps", ()) if count)
-        names = [name for name in file["samples"].dtype.names if not only or name in only]
-        samples = file["samples"].fields(names)[:] if only else file["samples"][:]
-        return Recording(path, _timed(file), samples, complete, ended, lost, gaps)
+        columns = Packed(file)
+        return Recording(path, _timed(file, columns), columns.structured(only), complete, ended, lost, gaps)
 
 
-def _timed(file: h5py.File) -> dict[str, Any]:
+def _timed(file: h5py.File, columns: Packed) -> dict[str, Any]:
     """The meta; where nobody knew beforehand how long it would be, with its length, and all of it steady."""
     meta: dict[str, Any] = json.loads(file.attrs["meta"])
-    rows = file["samples"]
-    if "duration" not in meta and "dt" in meta and len(rows):
-        first, last = float(rows[0]["time"]), float(rows[-1]["time"])
+    if "duration" not in meta and "dt" in meta and columns.rows:
+        first, last = (float(columns["time"][row]) for row in (0, -1))
         meta |= {"steady": [first, last + meta["dt"]], "duration": last}
     return meta
 
 
 def _strange(written: str) -> str:
     name, _, version = FORMAT.partition("/")
-    if written.startswith(f"{name}/") and written != FORMAT:
+    if written.startswith(f"{name}/"):
         return (
             f"is a recording of format {written.partition('/')[2]}; this stagectl reads format {version}: with the "
             "version that wrote it, `stagectl export FILE --to csv`, then here `stagectl import FILE.csv`"

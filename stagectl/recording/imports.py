@@ -15,7 +15,7 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout
-from stagectl.problem import ProblemKind
+from stagectl.problem import ProblemKind, absent
 from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
@@ -43,7 +43,7 @@ def read(
             raise RecordingError(reason, path, ProblemKind.CONFLICT)
         return _folder(path, setup)
     if not path.is_file():
-        raise RecordingError(f"{path}: no such file or folder", path, ProblemKind.FILE)
+        raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE)
     kind = path.suffix.lower()
     if kind == ".csv":
         return [_recording(csv_logs.read(path, setup, {}, columns, scales))]

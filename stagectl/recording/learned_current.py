@@ -13,7 +13,6 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ from stagectl.kernels import law
 from stagectl.problem import ProblemKind
 from stagectl.recording.constants import ALIKE, NEAR
 from stagectl.recording.file_lock import DataFileError
-from stagectl.recording.metadata import versions, written
+from stagectl.recording.metadata import flat, versions, written
 
 FORMAT = "stagectl-learned/1"
 _ARRAYS = ("learned", "reference", "known")
@@ -157,10 +156,10 @@ def _beforehand(learned: Learned, here: Learned) -> str:
 def _circumstances(there: dict[str, Any], here: dict[str, Any]) -> str:
     if there["layers"] != here["layers"]:
         return f"with the layers {_listed(there['layers'])}, this run has {_listed(here['layers'])}"
-    before, now = dict(_flat(there["model"])), dict(_flat(here["model"]))
+    before, now = flat(there["model"]), flat(here["model"])
     for name in sorted(before.keys() | now.keys()):
-        if before.get(name) != now.get(name):
-            return f"with {name} = {before.get(name)}, this stage has {now.get(name)} (SI)"
+        if _plain(before.get(name)) != _plain(now.get(name)):
+            return f"with {name} = {_plain(before.get(name))}, this stage has {_plain(now.get(name))} (SI)"
     return ""
 
 
@@ -168,10 +167,6 @@ def _listed(layers: list[str]) -> str:
     return "+".join(layers) or "none"
 
 
-def _flat(values: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """``{"a": {"b": 1}}`` as ("a.b", 1); numbers that are none compare equal."""
-    if isinstance(values, dict):
-        for key, value in values.items():
-            yield from _flat(value, f"{name}.{key}" if name else key)
-    else:
-        yield name, str(values) if isinstance(values, float) and not math.isfinite(values) else values
+def _plain(value: Any) -> Any:
+    """A number that is none as its word, so that two of them compare equal."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

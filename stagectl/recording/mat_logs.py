@@ -15,6 +15,7 @@ from stagectl.problem import ProblemKind
 from stagectl.recording.columns import Array, Choice, Log, choices, of_choices, parsed
 from stagectl.recording.constants import EMPS_STEP
 from stagectl.recording.hdf5 import RecordingError, quantities
+from stagectl.recording.metadata import flat
 from stagectl.recording.scales import Scales, scales_of_stage
 from stagectl.units import LINEAR
 
@@ -55,19 +56,11 @@ def variables(path: Path) -> dict[str, Any]:
     try:
         content = loadmat(path, simplify_cells=True)
     except Exception as error:  # scipy raises many kinds on a file that is damaged
-        reason = f"{path} cannot be read as a MATLAB file: {error}"
+        reason = f"{path} cannot be read as a MATLAB file: {error}; save it again, with -v7"
         if isinstance(error, NotImplementedError):
             reason = f"{path} is a MATLAB 7.3 file; save it with -v7 and import that"
         raise RecordingError(reason, path, ProblemKind.SYNTAX) from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
-
-
-def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Variables by name, those of structs with a dot."""
-    named: dict[str, Any] = {}
-    for name, value in values.items():
-        named |= flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
-    return named
 
 
 def _chosen(path: Path, content: dict[str, Any], taken: Scales | None, chosen: list[Choice]) -> Log:

@@ -6,6 +6,7 @@ import functools
 import importlib.metadata
 import platform
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ def describe(setup: Setup, plan: Plan, running: Controller, name: str, text: str
         "steady": list(plan.steady),
         "duration": plan.duration,
         "excitation": [span._asdict() for span in plan.excitation],
+        "effects_limited": plan.limited,
         "files": {**common["files"], "trajectory": {"name": name, "text": text}},
     }
 
@@ -45,6 +47,7 @@ def of_axis(setup: Setup, running: Controller, text: str) -> dict[str, Any]:
             "travel_unit": axis.travel_unit,
             "encoder_step": p.encoder.step,
         },
+        "current_step": getattr(setup.file.drive.wire, "current_scale", 0.0),
         "dt": setup.dt,
         "nd": p.drive.delay_samples,
         "nm": p.encoder.delay_samples,
@@ -84,6 +87,14 @@ def written(p: Any) -> Any:
     if hasattr(p, "_asdict"):
         return {name: written(value) for name, value in p._asdict().items()}
     return [float(x) for x in p] if hasattr(p, "__len__") and not isinstance(p, str) else p
+
+
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested values by dotted names: ``{"a": {"b": 1}}`` as ``{"a.b": 1}``."""
+    named: dict[str, Any] = {}
+    for name, value in values.items():
+        named |= flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
+    return named
 
 
 def _form(compensation: Any) -> dict[str, Any]:

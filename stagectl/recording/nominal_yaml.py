@@ -17,10 +17,10 @@ from stagectl.config.loader import Reader
 from stagectl.config.stage_blocks import StageFile
 from stagectl.design import Control
 from stagectl.drives.drive import Canopen
-from stagectl.kernels import friction_bristle
 from stagectl.kernels.effects import TURN
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError
+from stagectl.recording.metadata import written
 from stagectl.units import LINEAR, ROTARY
 
 # The last section of a capture folder's description, for our own law.
@@ -75,11 +75,7 @@ def _acting(block: Any) -> dict[str, Any]:
         for name, value in block._asdict().items()
         if name not in _ELSEWHERE and name in block._field_defaults and value != block._field_defaults[name]
     }
-    return {name: _numbers(value) for name, value in changed.items()}
-
-
-def _numbers(value: Any) -> Any:
-    return {k: _numbers(v) for k, v in value._asdict().items()} if hasattr(value, "_asdict") else value
+    return {name: written(value) for name, value in changed.items()}
 
 
 def carried_stage(recording: Recording) -> StageFile:
@@ -126,27 +122,22 @@ def _stage(file: StageFile, axis: dict[str, Any]) -> dict[str, Any]:
 def _friction(file: StageFile) -> dict[str, Any]:
     if isinstance(file.friction, Dahl | Lugre):
         name = "dahl" if isinstance(file.friction, Dahl) else "lugre"
-        return {"law": name, **_plain(file.friction.bristle())}
+        return {"law": name, **written(file.friction.bristle())}
     operators = file.friction.operators()
-    weight = [float(value) for value in operators.weight]
     return {
         "law": "stop-operator",
-        "weight": weight,
-        "slip": [float(value) for value in operators.slip],
-        "coulomb": math.fsum(weight),
+        "weight": written(operators.weight),
+        "slip": written(operators.slip),
+        "coulomb": math.fsum(operators.weight),
         **({"stribeck": file.friction.stribeck._asdict()} if file.friction.stribeck.rise else {}),
     }
-
-
-def _plain(bristle: friction_bristle.Bristle) -> dict[str, Any]:
-    return {**bristle._asdict(), "stribeck": bristle.stribeck._asdict()}
 
 
 def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
     """The bristle that a compensation by the stage's own model runs in addition to its stop operators."""
     if not compensated or not isinstance(file.friction, Dahl | Lugre):
         return {}
-    return {"friction_bristle": _plain(file.friction.bristle())}
+    return {"friction_bristle": written(file.friction.bristle())}
 
 
 def _drive(file: StageFile) -> dict[str, Any]:
@@ -169,6 +160,7 @@ def _controller(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
         **(_cascade(meta) if meta["law"]["cascaded"] else _pid(file, meta)),
         **_anticipation(file, meta),
         **_observer(meta),
+        "standstill_band": meta["law"].get("standstill_band", 0.0),
         "states_at_first_row": _START,
         "anti_windup": _ANTI_WINDUP,
         "command_limit_A": meta["law"]["current_limit"],

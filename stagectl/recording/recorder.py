@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from stagectl.recording.beside import order_of, word_of
 from stagectl.recording.constants import BLOCK, POLL
 from stagectl.recording.hdf5 import DamagedError, RecordingError, Writer
-from stagectl.recording.ring import Ring
+from stagectl.recording.ring import Ring, RingPlace
 
 ENOUGH = b"."  # what is in the ring now is the end
 
@@ -24,9 +24,7 @@ ENOUGH = b"."  # what is in the ring now is the end
 class Order(NamedTuple):
     """What to record, and where to."""
 
-    ring: int  # descriptor
-    width: int
-    capacity: int
+    ring: RingPlace
     alive: int  # descriptor of the pipe's reading end
     path: str
     meta: dict[str, Any]
@@ -87,8 +85,8 @@ class Tape:
 
 def record(order: Order) -> bool:
     """Write blocks until the ring closes or its writer is gone; False where the disk failed."""
-    ring = Ring(order.ring, order.width, order.capacity)
-    tape = Tape(Writer(Path(order.path), order.meta, order.columns), order.width, order.start)
+    ring = Ring(*order.ring)
+    tape = Tape(Writer(Path(order.path), order.meta, order.columns), ring.width, order.start)
     print("ready", flush=True)
     while True:
         message = word_of(order.alive, POLL)  # ENOUGH, or empty: the loop is gone

@@ -47,18 +47,13 @@ def replay(recording: Recording) -> dict[str, Any]:
     recorded = np.stack([recording.column(name) for name in law.Output._fields], axis=1)
     differs = np.flatnonzero(np.any(again != recorded, axis=1))
     cycles = len(recorded)
-    if not differs.size:
-        return {
-            "identical": True,
-            "cycles": cycles,
-            "words": f"{cycles} cycles replayed: every command is the same, bit for bit",
-        }
-    first = int(differs[0])
-    term = law.Output._fields[int(np.flatnonzero(again[first] != recorded[first])[0])]
-    words = (
-        f"{differs.size} of {cycles} cycles differ, the first at {recording.samples['time'][first]:.6g} s in {term}: "
-        f"recorded {recorded[first][law.Output._fields.index(term)]!r}, now "
-        f"{again[first][law.Output._fields.index(term)]!r}; "
-        f"recorded with kernels {recording.meta['versions']['kernels']}"
-    )
-    return {"identical": False, "cycles": cycles, "words": words}
+    words = f"{cycles} cycles replayed: every command is the same, bit for bit"
+    if differs.size:
+        first = int(differs[0])
+        term = int(np.flatnonzero(again[first] != recorded[first])[0])
+        words = (
+            f"{differs.size} of {cycles} cycles differ, the first at {recording.samples['time'][first]:.6g} s in "
+            f"{law.Output._fields[term]}: recorded {recorded[first][term]!r}, now {again[first][term]!r}; "
+            f"recorded with kernels {recording.meta['versions']['kernels']}"
+        )
+    return {"identical": not differs.size, "cycles": cycles, "words": words}

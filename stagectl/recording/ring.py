@@ -15,6 +15,7 @@ import mmap
 import os
 import struct
 from collections.abc import Sequence
+from typing import NamedTuple
 
 HEADER = 64
 _WRITTEN, _CLOSED = 0, 1  # places among the counts
@@ -27,6 +28,14 @@ def counts(memory: mmap.mmap, size: int) -> memoryview:
     a reader sees a count of 0 now and then (2 % of the looks at one that is counted up all the time).
     """
     return memoryview(memory)[:size].cast("Q")
+
+
+class RingPlace(NamedTuple):
+    """Where a ring is, for another process: `Ring(*place)` joins it."""
+
+    descriptor: int
+    width: int
+    capacity: int
 
 
 class Ring:
@@ -46,6 +55,11 @@ class Ring:
         descriptor = os.memfd_create("stagectl-ring")
         os.ftruncate(descriptor, HEADER + 8 * width * capacity)
         return cls(descriptor, width, capacity)
+
+    @property
+    def place(self) -> RingPlace:
+        """What another process joins it by."""
+        return RingPlace(self.descriptor, self.width, self.capacity)
 
     @property
     def written(self) -> int:

@@ -44,9 +44,8 @@ class Scales(NamedTuple):
         except UnitError as error:
             if through_screw:
                 return factor(unit, "m") / self.travel_per_unit
-            raise RecordingError(
-                f"a position in {unit} on an axis whose positions are in {inside}: {error}", kind=ProblemKind.UNIT
-            ) from error
+            reason = f"a position in {unit} on an axis whose positions are in {inside}: {error}"
+            raise RecordingError(reason, kind=ProblemKind.UNIT) from error
 
     def speed(self, unit: str) -> float:
         """Factor from a velocity in `unit`, such as ``mm/s`` or ``rpm``, to rad/s | m/s."""
@@ -65,9 +64,8 @@ class Scales(NamedTuple):
         if unit in ("V", "mV"):
             return factor(unit, "V") * self._known(self.amplifier, "a voltage", "drive.amplifier_A_per_V")
         if unit in ("N", "kN", "Nm", "mNm"):
-            return factor(re.sub(r"Nm$", "N m", unit), effort) / self._known(
-                self.force_constant, f"an effort in {unit}", "stage.force_constant"
-            )
+            constant = self._known(self.force_constant, f"an effort in {unit}", "stage.force_constant")
+            return factor(re.sub(r"Nm$", "N m", unit), effort) / constant
         return factor(unit, "A")
 
     def _known(self, value: float, what: str, key: str) -> float:
@@ -110,11 +108,8 @@ def read_values(path: Path) -> dict[str, Any]:
     Raises RecordingError or ConfigError with the place and the reason.
     """
     node = compose(path)
-    words, causes = (
-        f"{path} holds something other than plain values",
-        (yaml.YAMLError, ValueError, TypeError, RecursionError),
-    )
-    with RecordingError.instead_of(causes, words, path, ProblemKind.VALUE):
+    causes = (yaml.YAMLError, ValueError, TypeError, RecursionError)
+    with RecordingError.instead_of(causes, f"{path} holds something other than plain values", path, ProblemKind.VALUE):
         values = json.loads(json.dumps(yaml.SafeLoader("").construct_document(node), default=str))
     if not isinstance(values, dict):
         raise RecordingError(f"{path} must be a block of `key: value` lines", path, ProblemKind.SHAPE)
@@ -124,9 +119,8 @@ def read_values(path: Path) -> dict[str, Any]:
 def _block(nominal: dict[str, Any], name: str, place: Path) -> dict[str, Any]:
     block = nominal.get(name) or {}
     if not isinstance(block, dict):
-        raise RecordingError(
-            f"{name} = {block!r}; must be a block of values ({place})", place, ProblemKind.SHAPE, column=name
-        )
+        reason = f"{name} = {block!r}; must be a block of values ({place})"
+        raise RecordingError(reason, place, ProblemKind.SHAPE, column=name)
     return block
 
 
@@ -140,7 +134,6 @@ def _positive(block: dict[str, Any], key: str, place: Path) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if not 0.0 < number < math.inf:
-        raise RecordingError(
-            f"{key} = {value!r}; must be a number in (0, inf) ({place})", place, ProblemKind.RANGE, column=key
-        )
+        reason = f"{key} = {value!r}; must be a number in (0, inf) ({place})"
+        raise RecordingError(reason, place, ProblemKind.RANGE, column=key)
     return number

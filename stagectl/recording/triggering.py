@@ -12,6 +12,7 @@ The trigger is sought at full rate, whatever is shown later.
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -24,12 +25,16 @@ Edge = Literal["rising", "falling", "both"]
 Mode = Literal["auto", "normal", "single"]
 
 
+_NOTHING = (math.inf, -math.inf)  # bounds of no value
+
+
 class Trigger(NamedTuple):
     """What the scope waits for."""
 
     column: int  # of the ring
     level: float
     edge: Edge = "rising"
+    scale: float = 1.0  # from the ring's number to the channel's unit
 
 
 class Settings(NamedTuple):
@@ -60,6 +65,7 @@ class Scope:
         self._sought = max(written - settings.rows, 0) + settings.before  # first row that may be the trigger
         self._armed = self._sought
         self._found: int | None = None
+        self.seen = _NOTHING  # lowest and highest value of the trigger's channel since the last capture
         self.done = False  # a single capture has been taken
 
     def look(self, ring: Source) -> Capture | None:
@@ -86,6 +92,8 @@ class Scope:
         start = max(self._sought - 1, 0)
         first, raw = ring.read(start, ring.written - start)
         values = np.frombuffer(raw).reshape(-1, ring.width)[:, trigger.column]
+        if np.isfinite(values).any():
+            self.seen = min(self.seen[0], float(np.nanmin(values))), max(self.seen[1], float(np.nanmax(values)))
         hits = crossings(values, trigger.level, trigger.edge)
         if len(hits):
             self._found = first + int(hits[0])
@@ -95,7 +103,7 @@ class Scope:
         s = self.settings
         wanted = max(trigger - s.before, 0)
         first, raw = ring.read(wanted, trigger - s.before + s.rows - wanted)
-        self._found = None
+        self._found, self.seen = None, _NOTHING
         self._armed = self._sought = max(trigger + max(s.dead, s.rows - s.before, 1), 1)
         if not raw or first > trigger:
             return None  # overwritten while it waited: the next one

@@ -36,13 +36,13 @@ STYLE: dict[Any, Any] = {
 
 
 @contextlib.contextmanager
-def drawing(rows: int = 1, columns: int = 1, **options: Any) -> Iterator[tuple[Figure, Any]]:
-    """A figure in the style of the house, and its axes; laid out once they are drawn."""
+def drawing(rows: int = 1, columns: int = 1, top: float = 1.0, **options: Any) -> Iterator[tuple[Figure, Any]]:
+    """A figure in the style of the house, and its axes; laid out below `top` of its height once they are drawn."""
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(rows, columns, **options)
         yield figure, axes
         figure.align_ylabels()
-        figure.tight_layout()
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, top))
 
 
 def note(

@@ -32,12 +32,23 @@ def sentence(result: Result) -> str:
 def notes(result: Result) -> list[str]:
     """How it went and how it ended."""
     lines = [
-        f"Round {number}: {done['diagnosis']}. In simulation {percent(done['foretold'])} of the squared gap closes."
+        f"Round {number}: {done['diagnosis']}. It was here: {done['where']}. On its held-out runs "
+        f"{percent(done['foretold'])} of the squared gap closes."
         for number, done in enumerate(result["rounds"], 1)
     ]
+    if result["rounds"]:
+        ways = (("In simulation", "foretold"), ("On the machine", "levels"))
+        lines.append(" ".join(_shrunk(where, result[levels], result) for where, levels in ways))
+    if dropped := ", ".join(map(label, result["dropped"])):
+        lines.append(f"Left to the feedback, as the error is smaller without it: {dropped}.")
     where = "Simulated runs." if result["simulated"] else "Runs on the drive."
     back = "`stage-0.yaml` is the model as it was."
     return [*lines, f"It ended because of this: {result['ended']}.", f"{where} The model is {result['model']}; {back}"]
+
+
+def _shrunk(where: str, levels: dict[str, float], result: Result) -> str:
+    before, after = (length(levels[name], result["unit"]) for name in ("before", "after"))
+    return f"{where} the error on these motions goes from {before} to {after} rms."
 
 
 def tables(result: Result) -> list[Table]:

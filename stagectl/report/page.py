@@ -47,6 +47,7 @@ class Page(NamedTuple):
     versions: dict[str, str]
     broad: bool = False  # figures of several panels: at most two side by side
     sections: tuple[Section, ...] = ()  # after the page's own figures and tables
+    filtered: bool = False  # the rows of the sections' tables can be searched
     config: Mapping[str, str] = {}  # text of each configuration file, by its name
 
 
@@ -54,6 +55,7 @@ def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     """Write the page as one self-contained file, with the text of its configuration `files`."""
     import jinja2  # a table needs none
 
+    path.parent.mkdir(parents=True, exist_ok=True)
     config = {**page.config, **{str(file): file.read_text(encoding="utf-8") for file in files}}
     listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stagectl import evaluation
 from stagectl.number_format import prefix
+from stagectl.recording.extremes import extremes
 from stagectl.recording.hdf5 import Recording
 from stagectl.report.constants import BUCKETS
 from stagectl.report.figures import WITH, WITHOUT
@@ -98,8 +99,8 @@ def _drawn(
     letter, scale = prefix(largest)
     lines = []
     for label, values, colour in known:
-        time, extremes = thinned(samples["time"], values * scale)
-        lines.append(Line(time, extremes, label, colour, width=0.9))
+        time, ends = thinned(samples["time"], values * scale)
+        lines.append(Line(time, ends, label, colour, width=0.9))
     factor = 1.4 if within is None else 1.6  # room for the legend; for values outside the window
     room = (-factor * largest * scale, factor * largest * scale) if largest else None
     frame = Frame(
@@ -110,10 +111,9 @@ def _drawn(
 
 def thinned(time: Array, values: Array) -> tuple[Array, Array]:
     """Lowest and highest of each bucket: no peak is lost."""
-    rows = math.ceil(len(values) / BUCKETS)
-    if rows < 2:
+    size = math.ceil(len(values) / BUCKETS)
+    if size < 2:
         return time, values
-    whole = len(values) // rows * rows
-    buckets = values[:whole].reshape(-1, rows)
-    extremes = np.column_stack([np.fmin.reduce(buckets, axis=1), np.fmax.reduce(buckets, axis=1)]).ravel()
-    return np.repeat(time[:whole:rows], 2), extremes
+    whole = len(values) // size * size
+    buckets = extremes(values[:whole, None], 0, size)
+    return np.repeat(time[:whole:size], 2), np.column_stack([buckets.low[0], buckets.high[0]]).ravel()

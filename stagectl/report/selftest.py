@@ -20,50 +20,37 @@ _HEAD = ["fault", "state", "result", "stopped by", "category", "stop time", "at 
 def page(result: dict[str, Any], path: Path, files: Sequence[Path] = ()) -> Path:
     """Write it, with the text of the stage `files`; `result` is that of `stagectl selftest`."""
     cases, unit, scale = result["faults"], result["unit"], result["travel_per_unit"]
-    failed = [case for case in cases if not case["passed"]]
-    rows = [_row(case, unit, scale) for case in cases]
-    components = dict.fromkeys(case["component"] for case in cases)
-    sections = tuple(
-        Section(
-            component.capitalize(),
-            [],
-            [],
-            [Table("", _HEAD, [row for row, case in zip(rows, cases, strict=True) if case["component"] == component])],
-        )
-        for component in components
+    failed = [[case["name"], case["state"], case["words"]] for case in cases if not case["passed"]]
+    components: dict[str, list[list[str]]] = {}
+    for case in cases:
+        components.setdefault(case["component"], []).append(_row(case, unit, scale))
+    sections = (Section(name.capitalize(), [], [], [Table("", _HEAD, rows)]) for name, rows in components.items())
+    tables = [
+        _signed(result),
+        _matrix(cases),
+        *([Table("Not passed", ["fault", "state", "why"], failed)] if failed else []),
+    ]
+    notes = [
+        f"{result['mode']}; {len(components)} components, {len({case['name'] for case in cases})} faults, "
+        f"{len({case['state'] for case in cases})} states. Moving at {length(result['speed'], unit)}/s.",
+        "Category 0: the power was cut while the axis moved; 1: it was braked, then the power was cut. "
+        "Not a safety function: the emergency stop is wired to the drive's STO.",
+    ]
+    title, commands = f"stagectl selftest: {result['stage']}", [result["command"]]
+    shown = Page(
+        title, result["words"], notes, [], tables, commands, versions(), sections=tuple(sections), filtered=True
     )
-    return write(
-        Page(
-            f"stagectl selftest: {result['stage']}",
-            result["words"],
-            [
-                f"{result['mode']}; {len(components)} components, {len({case['name'] for case in cases})} faults, "
-                f"{len({case['state'] for case in cases})} states. Moving at {length(result['speed'], unit)}/s.",
-                "Category 0: the power was cut while the axis moved; 1: it was braked, then the power was cut. "
-                "Not a safety function: the emergency stop is wired to the drive's STO.",
-            ],
-            [],
-            [
-                _signed(result),
-                *(
-                    [
-                        Table(
-                            "Not passed",
-                            ["fault", "state", "why"],
-                            [[case["name"], case["state"], case["words"]] for case in failed],
-                        )
-                    ]
-                    if failed
-                    else []
-                ),
-            ],
-            [result["command"]],
-            versions(),
-            sections=sections,
-        ),
-        path,
-        files,
-    )
+    return write(shown, path, files)
+
+
+def _matrix(cases: Sequence[dict[str, Any]]) -> Table:
+    """Each fault in each state at a glance."""
+    states = list(dict.fromkeys(case["state"] for case in cases))
+    passed = {(case["name"], case["state"]): case["passed"] for case in cases}
+    words = {True: "passed", False: "NOT PASSED", None: ""}
+    names = dict.fromkeys(case["name"] for case in cases)
+    rows = [[name, *(words[passed.get((name, state))] for state in states)] for name in names]
+    return Table("Faults by state", ["fault", *states], rows)
 
 
 def digest(result: dict[str, Any]) -> str:

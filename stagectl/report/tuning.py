@@ -53,12 +53,12 @@ def _loop(setup: Setup) -> str:
 
 
 _CAPTIONS = {
+    "bandwidths": "The recommendation, and phase margin and Ms at other bandwidths, by the same rule.",
     "bode": "Open loop L, one line per loop. Marked: phase margin PM, gain margins GM.",
     "sensitivities": "Sensitivity S = 1/(1 + L), its peak Ms, and T = L/(1 + L).",
     "nyquist": "Nyquist plot near -1; the circle has the radius 1/Ms, the modulus margin.",
     "step": "Step of the target, sampled loop, without any feedforward.",
     "stiffness": "Dynamic stiffness against an effort on the axis, without friction.",
-    "bandwidths": "Phase margin and Ms at other bandwidths, by the same rule.",
 }
 
 
@@ -67,12 +67,12 @@ def drawings(setup: Setup, tuned: Tuned) -> dict[str, Callable[[], Figure]]:
     loops = judged_loops(setup.stage, tuned.control)
     closed_loop = functools.cache(lambda: closed(setup, tuned))
     return {
+        "bandwidths": lambda: other_bandwidths(tuned),
         "bode": lambda: bode(loops, tuned),
         "sensitivities": lambda: sensitivities(loops, tuned),
         "nyquist": lambda: nyquist(loops, tuned),
         "step": lambda: response(setup, tuned, closed_loop()),
         "stiffness": lambda: dynamic_stiffness(setup, loops, closed_loop()),
-        "bandwidths": lambda: other_bandwidths(tuned),
     }
 
 
@@ -204,8 +204,12 @@ def other_bandwidths(tuned: Tuned) -> Figure:
         if math.isfinite(tuned.demand.peak):
             below.axhline(tuned.demand.peak, color=WITHOUT, linewidth=1.0, linestyle="--")
         below.set(ylabel="Ms", ylim=(1.0, 5.0), xlabel="bandwidth [Hz]")
-        for axes in (above, below):
+        reached = next(iter(tuned.reached.values()))
+        chosen_values = (math.degrees(reached.phase), reached.sensitivity.value)
+        for axes, value, words in zip((above, below), chosen_values, ("PM {:.1f}°", "Ms {:.2f}"), strict=True):
             axes.axvline(tuned.bandwidth, color=WITH, linewidth=1.0)
+            axes.plot(tuned.bandwidth, value, "o", color=WITH, markersize=5)
+            note(axes, f"{tuned.bandwidth:.3g} Hz: {words.format(value)}", (tuned.bandwidth, value), (6, 6), WITH)
     return figure
 
 

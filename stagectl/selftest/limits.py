@@ -19,7 +19,6 @@ import math
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.drive import Canopen
 from stagectl.drives.faults import FaultType
 from stagectl.kernels import stage
 from stagectl.realtime.envelope import acceleration
@@ -98,9 +97,7 @@ def pushed(p: stage.Stage, acceleration: float, time: float) -> tuple[float, flo
 
 def ramp(setup: Setup, speed: float) -> Limit:
     """Of the drive's own stop."""
-    wire = setup.file.drive.wire
-    assert isinstance(wire, Canopen)
-    a = wire.quick_stop_deceleration
+    a = setup.canopen.quick_stop_deceleration
     return Limit(_MARGIN * speed / a + _SETTLES, _MARGIN * (speed * speed / (2.0 * a) + speed * _LAG))
 
 
@@ -117,8 +114,7 @@ def coast(p: stage.Stage, speed: float) -> Limit:
 
 def _noticed(setup: Setup, name: str, block: Any, speed: float) -> float:
     """Time (s) until it is noticed by this means."""
-    wire, dt = setup.file.drive.wire, setup.dt
-    assert isinstance(wire, Canopen)
+    wire, dt = setup.canopen, setup.dt
     silence = wire.heartbeat_timeout + wire.heartbeat + _LOOP
     error = 2.0 * setup.file.limits.following_error / speed + _LOOP if speed else _LOOP
     # A drive without an RPDO time-out keeps its last current, as long as it hears heartbeats: see "motion".

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import platform
+import time
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from stagectl.config.machine_file import text_of
 from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
 from stagectl.drives.faults import FaultType
-from stagectl.selftest import case, served
-from stagectl.selftest.case import Case
+from stagectl.realtime.states import State
+from stagectl.selftest.case import GOVERNED, MOVES, Case, named
 from stagectl.selftest.limits import Limit
-from stagectl.selftest.rig import AxisSample, BaseRig, Rig, motions
-from stagectl.selftest.served import ServedCase
-
-STATES = (*case.STATES, *served.STATES)
+from stagectl.selftest.rig import AxisSample, BaseRig, Rig, Service, laid_out, usual
+from stagectl.typed_json import plain
 
 _STANDING = 1e-4  # s of the ramp's deceleration: speed below which an axis stands
 UNSEEN = 0.05  # s between two looks at the axis after which nothing is known of what was between them
@@ -42,67 +44,53 @@ class Outcome(NamedTuple):
 class Bench(NamedTuple):
     """What is tried, on what."""
 
-    rig: Callable[[], BaseRig]  # a new one for each case
+    rig: Callable[[], tuple[BaseRig, Service]]  # a new one for each case
     rows: tuple[FaultType, ...]
-    states: tuple[str, ...]
+    states: tuple[State, ...]
     speed: float  # rad/s | m/s
     mode: str
-    served: Callable[[FaultType], Case] | None = None  # a case of the service's axis, where its states are tried
-
-    def case(self, row: FaultType, state: str) -> Case:
-        """The fault of this row, to be tried in this state."""
-        if state in case.STATES:
-            return Case(self.rig(), row)
-        assert self.served is not None
-        return self.served(row)
 
 
 def virtual(setup: Setup, only: frozenset[str] = frozenset()) -> Bench:
     """All faults, or `only` those of some names, in all states, on the virtual drive in virtual time."""
-    simulation = setup.file.simulation._replace(substeps=_SUBSTEPS)
-    setup = setup._replace(file=setup.file._replace(simulation=simulation))
-    laid_out = motions(setup)
-    rows = tuple(row for row in faults.TABLE if not only or row.name in only)
-    service = served.laid_out(setup)
-
-    def rig() -> Rig:
-        return Rig(setup, laid_out)
-
-    mode = "virtual drive in virtual time"
-    conditions = {served.OF_A_BRAKE: setup.file.brake.present, served.OF_THE_DRIVE: setup.file.homing.by_drive}
-    states = tuple(state for state in STATES if conditions.get(state, True))
-    return Bench(rig, rows, states, laid_out.speed, mode, lambda row: ServedCase(rig(), row, service))
+    setup = setup.having(simulation=setup.file.simulation._replace(substeps=_SUBSTEPS))
+    pace = usual(setup)
+    service, rows = laid_out(setup, pace), tuple(row for row in faults.TABLE if not only or row.name in only)
+    # An axis without a brake is in the first one for no period, and only its drive's homing leads to the second.
+    reached = {State.ENGAGING: setup.file.brake.present, State.DRIVE_HOMING: setup.file.homing.by_drive}
+    states = tuple(state for state in State if reached.get(state, True))
+    return Bench(lambda: (Rig(setup), service), rows, states, pace.speed, "virtual drive in virtual time")
 
 
 def matrix(bench: Bench) -> Iterator[Outcome]:
     """Each fault in each state."""
     for row in bench.rows:
         for state in bench.states:
-            tried, raised = bench.case(row, state), ""
+            tried, raised = Case(*bench.rig(), row, state), ""
             try:
-                tried.run(state)
+                tried.run()
             except Exception as error:  # the point of the test is that none gets out of the cycle
                 raised = f"{type(error).__name__} was raised: {error}"
                 tried.rig.settle()
             except BaseException:  # an interrupt: a real axis is not left moving
                 tried.rig.settle()
                 raise
-            yield _outcome(tried, state, raised)
+            yield _outcome(tried, raised)
 
 
-def _outcome(tried: Case, state: str, raised: str) -> Outcome:
-    row, end, kind = tried.row, tried.rig.seen, tried.kind(state)
+def _outcome(tried: Case, raised: str) -> Outcome:
+    row, end = tried.row, tried.rig.seen
     after = [seen for seen in tried.rig.trace if tried.begun <= seen.time <= tried.until] + [end]
-    bound = tried.admitted(kind)
+    bound = tried.admitted
     stop_time = _stop_time(tried, after)
     way = max(abs(seen.position - tried.where) for seen in after)
-    goes_on = tried.may_go_on(kind) and not tried.fault
-    words = raised or _judge(tried, kind, (after, bound, stop_time, way, goes_on))
+    goes_on = tried.may_go_on and not tried.fault
+    words = raised or "" if goes_on else _judge(tried, after, bound, (stop_time, way))
     return Outcome(
         row.name,
         row.component,
         row.kind,
-        state,
+        named(tried.state),
         not words,
         None if goes_on else _category(tried, after),
         tried.reason,
@@ -114,19 +102,16 @@ def _outcome(tried: Case, state: str, raised: str) -> Outcome:
     )
 
 
-def _judge(tried: Case, kind: str, seen: tuple[list[AxisSample], Limit | None, float | None, float, bool]) -> str:
-    """Why it did not pass; empty where it did."""
-    after, bound, stop_time, way, goes_on = seen
-    if goes_on:
-        return ""
-    if tried.may_go_on(kind) and tried.row.required.category is None:
+def _judge(tried: Case, after: list[AxisSample], bound: Limit | None, went: tuple[float | None, float]) -> str:
+    """Why it did not pass, as far as it `went` after the fault (s, rad | m); empty where it did."""
+    if tried.may_go_on and tried.row.required.category is None:
         return f"stopped by {tried.reason}, must go on"
     if bound is None:
         return ""
-    if kind in ("holding", "moving") and not (tried.fault or tried.dead):
+    if tried.state in GOVERNED and not (tried.fault or tried.dead):
         return "the loop noticed nothing"
-    late = _late(after, bound, stop_time, way)
-    return late or (_wrongly(tried, after) if kind == "moving" else "") or _held(after) or tried.wrong
+    late = _late(after, bound, *went)
+    return late or (_wrongly(tried, after) if tried.state in MOVES else "") or _held(after) or tried.wrong
 
 
 def _late(after: list[AxisSample], bound: Limit, stop_time: float | None, way: float) -> str:
@@ -168,3 +153,35 @@ def _stop_time(tried: Case, after: list[AxisSample]) -> float | None:
 def _category(tried: Case, after: list[AxisSample]) -> int:
     """0 where the axis moved on without power."""
     return 0 if any(not seen.powered and abs(seen.velocity) > 2.0 * _standing(tried) for seen in after) else 1
+
+
+def run(setup: Setup, tried: Bench, signed: str, command: str, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """Run the matrix; `faults` is the list of all cases, in axis units."""
+    total, cases = len(tried.rows) * len(tried.states), []
+    for outcome in matrix(tried):
+        cases.append(plain(outcome))
+        progress(len(cases), total)
+    passed = sum(case["passed"] for case in cases)
+    axis = setup.file.axis
+    return {
+        "stage": setup.file.name,
+        "file": setup.path.name,
+        "file_digest": hashlib.sha256(text_of(setup.path).encode()).hexdigest(),
+        "mode": tried.mode,
+        "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        "host": platform.node(),
+        "signed": signed,
+        "command": command,
+        "words": _words(passed, total),
+        "speed": tried.speed * axis.travel_per_unit,
+        "unit": axis.travel_unit,
+        "travel_per_unit": axis.travel_per_unit,
+        "passed": passed,
+        "faults": cases,
+    }
+
+
+def _words(passed: int, total: int) -> str:
+    if passed == total:
+        return f"All {total} cases ended as they must: in the state, within the time and within the distance."
+    return f"{total - passed} of {total} cases did not end as they must."

@@ -20,7 +20,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
 from stagectl.drives.bus import faulty_bus
 from stagectl.drives.bus.faulty_bus import FaultyBus, Way
-from stagectl.drives.bus.frames import Bus, frame
+from stagectl.drives.bus.frames import SYNC, Bus, frame
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.network import load_eds
@@ -29,14 +29,15 @@ from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen
 from stagectl.drives.limits import STANDING
 from stagectl.kernels import stage
+from stagectl.realtime.states import State
 from stagectl.selftest.limits import LONGEST
-from stagectl.selftest.matrix import UNSEEN, Bench
-from stagectl.selftest.rig import AxisSample, BaseRig, Motions, Pace, RigLoop, motions
+from stagectl.selftest.matrix import UNSEEN, Bench, virtual
+from stagectl.selftest.rig import AxisSample, BaseRig, Pace, RigLoop, Service, laid_out
 from stagectl.service.virtual_timeouts import unhurried
 from stagectl.units import StageError
 
-STATES = ("connecting", "enabling", "holding", "moving", "stopping")  # a real drive is not made to trip
-_SYNC = frame(0x080)
+STATES = (State.CONNECTING, State.ENABLING, State.STANDING, State.MOVING, State.QUICK_STOPPING)
+_SYNC = frame(SYNC)
 _SPAN = 0.01  # s over which a speed is taken; longer where the encoder's step is coarse
 _QUEUE = 1000  # frames that wait for the loop
 _SEES = 0.2  # s in which the end of a case is looked at
@@ -145,19 +146,15 @@ class Attentive:
 class Remote(BaseRig):
     """One case on the drive at the other end of a bus."""
 
-    def __init__(self, setup: Setup, ways: tuple[Motions, Motions], bus: Bus, clock: Clock, home: list[float]) -> None:
-        """`ways`: there, and the other way; `home` takes the place (rad | m) of the first case."""
-        wire = setup.file.drive.wire
-        assert isinstance(wire, Canopen)
+    def __init__(self, setup: Setup, bus: Bus, clock: Clock) -> None:
+        wire = setup.canopen
         self._listening = Listening(bus, clock.now, setup, wire)
-        super().__init__(setup, ways[0], Attentive(clock, self._listening))
+        super().__init__(setup, Attentive(clock, self._listening))
         self._faulty = FaultyBus(self._listening, clock.now, setup.file.simulation.seed)
         self.trace = self._listening.trace
         self._look()
         if not self.trace:
             raise StageError(f"node {wire.node} answers no SYNC with its position: see `stagectl doctor`")
-        home[:] = home or [self.seen.position]
-        self.laid_out = ways[self.seen.position > home[0]]  # so that the cases do not walk away
         del self.trace[:-1]
 
     @property
@@ -184,7 +181,7 @@ class Remote(BaseRig):
         self._listening.asking = True
 
     def let_go(self, loop: RigLoop) -> None:
-        """The end of a motion that went on: a real axis is stopped."""
+        """The end of a case: a real axis is stopped where it still moves, and its drive is left."""
         while not loop.abandon():
             loop.period()
         loop.leave()
@@ -213,6 +210,18 @@ class Remote(BaseRig):
         drive.close()
 
 
+def bench(setup: Setup, only: list[str] | None, gentle: Gentle | None) -> Bench:
+    """What is tried: all faults or `only` some, on the virtual drive, or on the real one at a low current.
+
+    Raises StageError where there is no such fault, and where the drive must not or cannot be moved so.
+    """
+    for name in only or ():
+        if name not in faults.FAULT_TYPES:
+            raise StageError(f"--only {name}; must be one of {', '.join(faults.FAULT_TYPES)}")
+    chosen = frozenset(only or ())
+    return virtual(setup, chosen) if gentle is None else real(setup, gentle, chosen)
+
+
 def real(setup: Setup, gentle: Gentle, only: frozenset[str], bus: Bus | None = None, clock: Clock = WALL) -> Bench:
     """The bench of a real drive, on its own bus.  Raises StageError where it cannot be moved so."""
     strange = sorted(only - set(PROVOCABLE))
@@ -222,25 +231,28 @@ def real(setup: Setup, gentle: Gentle, only: frozenset[str], bus: Bus | None = N
             + ", ".join(PROVOCABLE)
         )
     setup = weakened(unhurried(setup), gentle.current)
-    wire = setup.file.drive.wire
-    assert isinstance(wire, Canopen)
-    pace = pace_of(setup, gentle)
-    ways = motions(setup, pace), motions(setup, pace._replace(distance=-pace.distance))
+    wire, pace = setup.canopen, pace_of(setup, gentle)
+    there, back = laid_out(setup, pace), laid_out(setup, pace._replace(distance=-pace.distance))
     bus, home = bus or open_bus(wire.interface, wire.channel, wire.bitrate), list[float]()
+
+    def rig() -> tuple[BaseRig, Service]:
+        """The drive, and the way back where it has been moved: so that the cases do not walk away."""
+        found = Remote(setup, bus, clock)
+        home[:] = home or [found.seen.position]
+        return found, back if found.seen.position > home[0] else there
+
     rows = tuple(row for row in faults.TABLE if row.name in (only or PROVOCABLE))
     mode = f"drive {wire.node} on {wire.interface} {wire.channel}, at most {gentle.current:g} A"
-    return Bench(lambda: Remote(setup, ways, bus, clock, home), rows, STATES, pace.speed, mode)
+    return Bench(rig, rows, STATES, pace.speed, mode)
 
 
 def weakened(setup: Setup, current: float) -> Setup:
     """The stage with a law that asks for no more than this current (A)."""
-    drive, model = setup.file.drive, setup.stage
+    drive, model = setup.file.drive, setup.stage.drive
     if not 0.0 < current <= drive.current_limit:
         raise StageError(f"--current {current:g} A; must lie in (0, {drive.current_limit:g}] A, drive.current_limit")
-    return setup._replace(
-        file=setup.file._replace(drive=drive._replace(current_limit=current)),
-        stage=model._replace(drive=model.drive._replace(current_limit=current)),
-    )
+    weak = setup._replace(stage=setup.stage._replace(drive=model._replace(current_limit=current)))
+    return weak.having(drive=drive._replace(current_limit=current))
 
 
 def pace_of(setup: Setup, gentle: Gentle) -> Pace:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -11,24 +12,18 @@ from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import Clock
-from stagectl.drives.drive import Canopen
 from stagectl.drives.homing import NO_HOMING, Homing
-from stagectl.kernels import rollout
-from stagectl.plan import plan
 from stagectl.realtime import axes
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.envelope import envelope
 from stagectl.realtime.scheduling import Metronome
-from stagectl.realtime.shared_memory import Board, Order
-from stagectl.recording.ring import Ring
+from stagectl.realtime.shared_memory import Order
 from stagectl.selftest.limits import LONGEST
-from stagectl.service import job_from_stage
-from stagectl.service.single_motion import laid_on
+from stagectl.service import job_from_stage, planning
+from stagectl.service.axis_controller import AxisController
 from stagectl.service.virtual_drive import virtual_node
-from stagectl.trajectories import Dwell, Trapezoid
 
 _LOOK = 0.001  # s between two looks of the drive at its clocks, and of the test at the axis
-_ROWS = 1 << 10  # of a ring that nobody reads
 _SHARE = 0.1  # of limits.speed, and of the travel to one side
 
 
@@ -39,17 +34,6 @@ class AxisSample(NamedTuple):
     position: float  # rad | m
     velocity: float
     powered: bool
-
-
-class Motions(NamedTuple):
-    """What is laid out once for all cases."""
-
-    job: Orders
-    holding: Order  # setpoints are on the job's board
-    moving: Order
-    board: Board
-    ring: Ring
-    speed: float  # rad/s | m/s
 
 
 class OversleepingMetronome(Metronome):
@@ -79,31 +63,38 @@ def usual(setup: Setup) -> Pace:
     return Pace(min(speed * LONGEST, 0.4 * (limits.travel[1] - limits.travel[0])), speed, limits.acceleration)
 
 
-def motions(setup: Setup, pace: Pace | None = None) -> Motions:
-    """Standing still, and moving there and back; a job for it in which nothing is held up: as the stage file says."""
-    pace, per_unit = pace or usual(setup), setup.file.axis.travel_per_unit
-    controller = setup.controller
-    way = Trapezoid(pace.distance * per_unit, pace.speed * per_unit, pace.acceleration * per_unit)
-    still, there = (plan(setup, motion, controller.feedforward).setpoints for motion in (Dwell(LONGEST), way))
-    board, ring = Board.create(len(still) + len(there)), Ring.create(rollout.WIDTH, _ROWS)
-    holding, moving = laid_on(board, still), laid_on(board, there)
-    job = job_from_stage.orders(setup.file.name, setup, controller.law, False, ring, board)
-    return Motions(in_virtual_time(job, setup), holding, moving, board, ring, pace.speed)
+class Service(NamedTuple):
+    """The service's side of the axis, laid out once for all cases."""
+
+    controller: AxisController
+    motion: planning.Motion
+    speed: float  # rad/s | m/s, of the motion
+    orders: Orders
+    searching: Orders  # for a home that does not come
+    delegating: Orders  # whose drive finds the home
+
+    def move(self) -> Order:
+        """The order that begins the motion."""
+        return self.controller.start(self.motion, 1)
 
 
-def in_virtual_time(job: Orders, setup: Setup) -> Orders:
-    """The job where nothing but the fault holds anything up: time-outs and limits as the stage file says; no homing."""
-    wire = setup.file.drive.wire
-    assert isinstance(wire, Canopen)
-    return job._replace(by_clock=True, homing=NO_HOMING, wire=wire, envelope=envelope(setup))
+def laid_out(setup: Setup, pace: Pace) -> Service:
+    """The axis of `setup` and its motion at this `pace`: nothing but the fault holds anything up, no home is needed."""
+    controller, scale = AxisController("axis", setup), setup.file.axis.travel_per_unit
+    motion = planning.laid_out(controller.move(*(value * scale for value in pace)))
+    # time-outs and limits as the stage file says
+    job = controller.orders()._replace(by_clock=True, homing=NO_HOMING, wire=setup.canopen, envelope=envelope(setup))
+    search = Homing("limit", pace.speed, math.inf)
+    by_drive = search._replace(method="drive", number=34)  # upwards, to a mark that is behind it
+    return Service(controller, motion, pace.speed, job, job._replace(homing=search), job._replace(homing=by_drive))
 
 
 class RigLoop(axes.Loop):
     """The loop of the real-time process, on the bus of a rig and in its time."""
 
-    def __init__(self, rig: BaseRig, job: Orders, ring: Ring, single: bool) -> None:
+    def __init__(self, rig: BaseRig, job: Orders, single: bool = False) -> None:
         self._rig = rig
-        super().__init__(job_from_stage.post(rig.setup, [job], ring, single=single), rig.time)
+        super().__init__(job_from_stage.post(rig.setup, [job], single=single), rig.time)
         self._metronome = self.metronome = OversleepingMetronome(rig.setup.dt, rig.time)
 
     def _connect(self, p: Orders) -> CanopenDrive:
@@ -111,17 +102,11 @@ class RigLoop(axes.Loop):
 
 
 class BaseRig:
-    """What both rigs are: a stage, its motions, a time, and what was seen of the axis."""
+    """What both rigs are: a stage, a time, and what was seen of the axis."""
 
-    def __init__(self, setup: Setup, laid_out: Motions, time: Clock) -> None:
-        wire = setup.file.drive.wire
-        assert isinstance(wire, Canopen)
-        self.setup, self.laid_out, self.settings, self.time = setup, laid_out, wire, time
+    def __init__(self, setup: Setup, time: Clock) -> None:
+        self.setup, self.settings, self.time = setup, setup.canopen, time
         self.trace: list[AxisSample] = []
-
-    def loop(self) -> RigLoop:
-        """The loop of a single motion, not connected yet."""
-        return RigLoop(self, self.laid_out.job, self.laid_out.ring, True)
 
     @property
     def bus(self) -> Bus:
@@ -151,8 +136,12 @@ class BaseRig:
     def left_alone(self) -> None:
         """The controller is dead."""
 
+    def later(self, seconds: float, event: Callable[[], None]) -> None:
+        """Have something happen while the controller waits for the drive; at once where time is not ours."""
+        event()
+
     def let_go(self, loop: RigLoop) -> None:
-        """The end of a motion that went on."""
+        """The end of a case, of whose motion something may go on."""
 
     def settle(self) -> None:
         """What must be done to see how it ended."""
@@ -166,9 +155,9 @@ class BaseRig:
 class Rig(BaseRig):
     """One virtual stage, powered off."""
 
-    def __init__(self, setup: Setup, laid_out: Motions) -> None:
+    def __init__(self, setup: Setup) -> None:
         time = Timeline()
-        super().__init__(setup, laid_out, time)
+        super().__init__(setup, time)
         self._timeline = time
         self.ours, theirs = Wire(time, self.settings.bitrate).ends
         self.said: list[str] = []

@@ -20,12 +20,15 @@ from stagectl.recording.ring import Ring
 from stagectl.service.axis_status import Shown
 from stagectl.service.job_from_stage import CALM, calm, orders
 from stagectl.service.planning import Motion, Task, Upload
-from stagectl.trajectories import Experiment, SCurve
+from stagectl.trajectories import Dwell, Experiment, SCurve
 from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
 
 _JERK_TIME = 0.02  # s in which a move's acceleration rises, unless a jerk is asked for
 STARTING = "starting: the real-time process is not ready yet; nothing moves, orders are refused"
-RESTARTING = "restarting: the real-time process died and a new one is starting; nothing moves, orders are refused"
+RESTARTING = (
+    "restarting: the real-time process died and a new one is starting; the drive stops on its own time-outs, "
+    "orders are refused"
+)
 BLACKBOX = 14.0  # s that the ring holds at least
 COLUMNS = (*rollout.COLUMNS, "state")
 
@@ -153,13 +156,17 @@ class AxisController:
         start = start._replace(position=here if math.isfinite(here) else 0.0)
         return Task(name, self._from_here(), feedforward, start, trajectory)
 
+    def rehearsal(self) -> Task:
+        """A task that takes what each motion of this axis takes, and goes nowhere."""
+        return self.task("rehearsal", Dwell(_JERK_TIME))
+
     def _from_here(self) -> Setup:
         """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands."""
         here, limits = self.status.reference, self.setup.file.limits
         if not math.isfinite(here):
             return self.setup
         left = limits._replace(travel=(limits.travel[0] - here, limits.travel[1] - here))
-        return self.setup._replace(file=self.setup.file._replace(limits=left))
+        return self.setup.having(limits=left)
 
     def start(self, motion: Motion, together: int) -> Order:
         """Put the first rows on the board; the order that begins it, at once with those of `together` axes in all."""
@@ -191,6 +198,10 @@ class AxisController:
     def parameters(self) -> dict[str, float]:
         """The numbers of `control` that can be changed while it runs (SI)."""
         return {name: getattr(self.control, name) for name in self._changeable()}
+
+    def gain_units(self) -> dict[str, str]:
+        """The units of those numbers."""
+        return {name: q.unit_for(self.setup.file.axis.kind) for name, q in self._changeable().items()}
 
     def _changeable(self) -> dict[str, Quantity]:
         hints = get_type_hints(type(self.control), include_extras=True)

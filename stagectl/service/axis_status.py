@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ from stagectl.drives.drive import Fault
 from stagectl.realtime.shared_memory import Board, Status
 from stagectl.realtime.states import State
 from stagectl.service.limits import NO_ANSWER
+from stagectl.typed_json import finite
 
 SILENT = "no_answer"  # in place of a state: the loop does not say how the axis is
 _LIMIT_ACTIVE = "the drive reports an internal limit (statusword bit 11): of current, speed or position, or a switch"
@@ -39,7 +39,7 @@ def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str,
     """The axis now; lengths in the unit of travel.  Of a `silent` loop's axis nothing is known but what it was."""
     status = board.status()
     state, fault = State(int(status.state)), Fault(int(status.fault))
-    lengths = {name: None if silent else _finite(getattr(status, name) * shown.scale) for name in _LENGTHS}
+    lengths = {name: None if silent else finite(getattr(status, name) * shown.scale) for name in _LENGTHS}
     return {
         "axis": shown.name,
         "state": SILENT if silent else state.name.lower(),
@@ -48,7 +48,7 @@ def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str,
         "words": board.words if fault or state is State.OFFLINE else "",
         "unit": shown.unit,
         **lengths,
-        "current": None if silent else _finite(status.current),
+        "current": None if silent else finite(status.current),
         "statusword": int(status.statusword),
         "warnings": [_LIMIT_ACTIVE] if int(status.statusword) & LIMITED and not silent else [],
         "homed": bool(status.homed),
@@ -66,7 +66,3 @@ def _words(shown: Shown, status: Status, now: float, silent: bool) -> str:
         return shown.unborn
     words = State(int(status.state)).words
     return f"no answer from the loop for {now - status.tick:.1f} s; before that: {words}" if silent else words
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -21,7 +21,7 @@ from stagectl.realtime.shared_memory import Board, Status
 from stagectl.realtime.states import State
 from stagectl.recording.beside import order_of, word_of
 from stagectl.recording.hdf5 import RecordingError, Writer
-from stagectl.recording.ring import Ring
+from stagectl.recording.ring import Ring, RingPlace
 from stagectl.service.limits import BOX_RETRY, BOXES_KEPT
 
 POLL = 0.05  # s
@@ -33,10 +33,8 @@ _PATIENCE = 5.0  # s for the rows after the fault: a lost drive gives none
 class BlackBoxOrder(NamedTuple):
     """What to watch, and where to keep it."""
 
-    ring: int  # descriptors
-    width: int
-    capacity: int
-    board: int
+    ring: RingPlace
+    board: int  # descriptor
     alive: int  # reading end of the pipe that the real-time process holds
     folder: str
     meta: dict[str, Any]
@@ -60,7 +58,7 @@ class Watcher:
 
     def __init__(self, p: BlackBoxOrder) -> None:
         self.p = p
-        self.ring, self.board = Ring(p.ring, p.width, p.capacity), Board(p.board)
+        self.ring, self.board = Ring(*p.ring), Board(p.board)
         self.seen = p.faults
         self.kept: list[Box] = []  # that are not written yet, the oldest first
         self._retry = 0.0  # s, monotonic clock
@@ -103,7 +101,7 @@ class Watcher:
 
     def _take(self, fault: str, words: str, row: int) -> Path | None:
         """Keep what the ring holds around `row`, and write it where that is possible."""
-        first, rows = self.ring.read(max(row - round(BEFORE / self.p.dt), 0), self.p.capacity)
+        first, rows = self.ring.read(max(row - round(BEFORE / self.p.dt), 0), self.ring.capacity)
         if not rows:
             return None
         self.kept.append(Box(fault, words, time.strftime("%Y%m%d-%H%M%S"), rows, row - first))

@@ -97,9 +97,14 @@ def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=descriptors,
-            env={**os.environ, "STAGECTL_KERNELS": kernels, PARENT: str(os.getpid())},
+            env=environment(STAGECTL_KERNELS=kernels),
         )
     return Child(process)
+
+
+def environment(**more: str) -> dict[str, str]:
+    """Of a child that ends with this process: ours, and `more`."""
+    return {**os.environ, **more, PARENT: str(os.getpid())}
 
 
 @contextlib.contextmanager

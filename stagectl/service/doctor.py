@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import resource
 import shutil
@@ -13,19 +14,20 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from stagectl.config.stage_blocks import Retention
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
-from stagectl.drives.bus.channel_lock import OtherMasterError
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
-from stagectl.drives.bus.other_masters import alone
+from stagectl.drives.bus.other_masters import OtherMasterError, alone
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
+from stagectl.drives.canopen.network import PumpedNode, load_eds
 from stagectl.drives.canopen.object_access import ObjectAccess
 from stagectl.drives.canopen.protection import NOT_OFFERED, outlook
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.service import virtual_drive
+from stagectl.service.retention import DAY, GIB, in_words, kept
 from stagectl.service.virtual_timeouts import waits_for_sync
 
 _WAKES = 200  # of the wake-up check
@@ -53,6 +55,7 @@ def examine(setup: Setup, folder: Path, served: bool) -> Iterator[Check]:
     yield _isolation(setup.file.realtime.cpu)
     yield _sleep()
     yield _disk(folder)
+    yield _recordings(setup.file.recordings, folder)
     wire = setup.file.drive.wire
     if isinstance(wire, Canopen):
         yield _interface(wire)
@@ -152,7 +155,7 @@ def _sleep() -> Check:
 
 
 def _disk(folder: Path) -> Check:
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    there = _existing(folder)
     free = shutil.disk_usage(there).free
     good = free >= _DISK and os.access(there, os.W_OK)
     return Check(
@@ -161,6 +164,22 @@ def _disk(folder: Path) -> Check:
         f"{free / 2**30:.1f} GiB free for {folder}",
         "free some space, or choose another folder with --state",
     )
+
+
+def _recordings(p: Retention, folder: Path) -> Check:
+    """What there is, and whether what may come has room."""
+    files, there = kept(folder), _existing(folder)
+    size, free = sum(file.bytes for file in files) / GIB, shutil.disk_usage(there).free / GIB
+    age = f", the oldest {(time.time() - files[-1].time) / DAY:.0f} days old" if files else ""
+    words = f"{len(files)} file{'s' * (len(files) != 1)}, {size:.1f} GiB{age}; {in_words(p)}"
+    if p == Retention():
+        return Check("recordings", True, f"{words}: set recordings.keep_days or recordings.keep_gib to change that")
+    fits = p.keep_gib <= size + free or p.keep_gib == math.inf
+    return Check("recordings", fits, words, f"set recordings.keep_gib below {size + free:.1f}, which is what fits here")
+
+
+def _existing(folder: Path) -> Path:
+    return next(path for path in (folder, *folder.absolute().parents) if path.exists())
 
 
 def _interface(wire: Canopen) -> Check:
@@ -216,9 +235,7 @@ def _read(setup: Setup, wire: Canopen, joined: Bus) -> Iterator[Check]:
         fix = "switch the drive on; check node id, bit rate and termination"
         yield Check("drive", False, f"node {wire.node} does not answer", fix)
         return
-    node = PumpedNode(wire.node, load_eds(wire.eds, wire.node))
-    PumpedNetwork(joined)[wire.node] = node
-    access = ObjectAccess(wire, node)
+    access = ObjectAccess(wire, PumpedNode(wire.node, load_eds(wire.eds, wire.node), joined))
     yield from _options(access)
     yield _protection(setup, wire, access)
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from stagectl.recording.beside import order_of
 from stagectl.recording.mcap_log import CDR, DEFINITION
-from stagectl.recording.ring import Ring
+from stagectl.recording.ring import Ring, RingPlace
 
 POLL = 1.0 / 60.0  # s
 _OFF = 0.1  # s by which the axis' own time may be behind the wall clock's
@@ -30,9 +30,7 @@ class Source(NamedTuple):
     """One axis."""
 
     topic: str
-    ring: int  # descriptor
-    width: int
-    capacity: int
+    ring: RingPlace
     columns: tuple[int, ...]  # places in a row; the first is its time
     definition: str  # of the message, in ROS 2's language
 
@@ -51,13 +49,13 @@ class Topic:
 
     def __init__(self, p: Source, channel: Any) -> None:
         self._p, self._channel = p, channel
-        self._ring = Ring(p.ring, p.width, p.capacity)
+        self._ring = Ring(*p.ring)
         self._next, self._offset = self._ring.written, 0.0
 
     def send(self, now: float) -> None:
         """All rows since the last look, at `now` (s, wall clock); those before a viewer came are nobody's."""
-        first, packed = self._ring.read(self._next, self._p.capacity)
-        rows = np.frombuffer(packed).reshape(-1, self._p.width)[:, self._p.columns]
+        first, packed = self._ring.read(self._next, self._ring.capacity)
+        rows = np.frombuffer(packed).reshape(-1, self._ring.width)[:, self._p.columns]
         self._next = first + len(rows)
         if not len(rows):
             return

@@ -15,10 +15,11 @@ from stagectl.units import StageError
 
 QUEUE = 128  # frames in the interface's queue: ten cycles and more
 _IN_WHEEL = Path(__file__).parent / "units"  # copied there from systemd/ when the wheel is built
-UNIT, USERS, RULES = "stagectl.service", "stagectl.sysusers", "80-stagectl.rules"
+UNIT, SOCKET, USERS, RULES = "stagectl.service", "stagectl.socket", "stagectl.sysusers", "80-stagectl.rules"
 NETWORK, LINK = "80-stagectl-can.network", "80-stagectl-can.link"
 PLACES = {
     UNIT: "etc/systemd/system/stagectl.service",
+    SOCKET: "etc/systemd/system/stagectl.socket",
     USERS: "etc/sysusers.d/stagectl.conf",
     RULES: "etc/udev/rules.d/80-stagectl.rules",
     NETWORK: "etc/systemd/network/80-stagectl-can.network",
@@ -42,7 +43,8 @@ class Installation(NamedTuple):
 def contents(installation: Installation) -> dict[str, str]:
     """The files by their place below the root."""
     texts = {name: (_templates() / name).read_text(encoding="utf-8") for name in PLACES}
-    files = {PLACES[name]: _filled(texts[name], _unit(installation)) for name in (UNIT, USERS, RULES)}
+    wanted = (UNIT, USERS, RULES, *([SOCKET] if installation.tcp else []))
+    files = {PLACES[name]: _filled(texts[name], _unit(installation)) for name in wanted}
     wire = _socketcan(installation)
     if wire is not None:
         values = {"CHANNEL": wire.channel, "BITRATE": f"{wire.bitrate:.0f}", "QUEUE": str(QUEUE)}
@@ -72,17 +74,11 @@ def _unit(installation: Installation) -> dict[str, str]:
     stages = " ".join(f'"{path}"' if single else f'"{name}={path}"' for name, path, _ in installation.stages)
     stages += "" if installation.coupled else " --uncoupled"
     home = any(_under_home(path) for path in (installation.python, *(path for _, path, _ in installation.stages)))
-    families = [
-        "AF_UNIX",
-        "AF_NETLINK",
-        *(["AF_CAN"] if wire else []),
-        *(["AF_INET", "AF_INET6"] if installation.tcp else []),
-    ]
-    device = f"sys-subsystem-net-devices-{wire.channel}.device" if wire else ""
+    families = ["AF_UNIX", "AF_NETLINK", *(["AF_CAN"] if wire else [])]  # none for TCP: systemd opens that port
     return {
         "NAME": ", ".join(setup.file.name for _, _, setup in installation.stages),
         "README": str(Path(__file__).parents[2] / "README.md"),
-        "AFTER": f"BindsTo={device}\nAfter={device} systemd-networkd.service" if wire else "After=local-fs.target",
+        "AFTER": _after(wire, installation.tcp),
         "PYTHON": str(installation.python),
         "STAGES": stages + (f" --tcp {installation.tcp}" if installation.tcp else ""),
         "AFFINITY": ""
@@ -92,8 +88,16 @@ def _unit(installation: Installation) -> dict[str, str]:
         # A user namespace takes the real-time rights away: SCHED_FIFO needs the first one.
         "USERS": "no",
         "FAMILIES": " ".join(families),
+        "ADDRESS": installation.tcp.replace("localhost:", "127.0.0.1:"),
         "NETWORK": _reachable(installation.tcp),
     }
+
+
+def _after(wire: Canopen | None, tcp: str) -> str:
+    """What must be there before the service starts."""
+    device = f"sys-subsystem-net-devices-{wire.channel}.device" if wire else ""
+    lines = [f"BindsTo={device}", f"After={device} systemd-networkd.service"] if wire else ["After=local-fs.target"]
+    return "\n".join([*lines, *([f"Requires={SOCKET}", f"After={SOCKET}"] if tcp else [])])
 
 
 def _reachable(tcp: str) -> str:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from stagectl.config.stage_blocks import InProcess
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
-from stagectl.drives.drive import Canopen
 from stagectl.evaluation import WINDOW_COUNTS
 from stagectl.kernels import law, stage
 from stagectl.realtime.axes import Post
@@ -29,7 +28,6 @@ def orders(name: str, setup: Setup, running: law.Law, friction: bool, ring: Ring
     """
     lasting, p = patient(setup), setup.stage
     wire = lasting.file.drive.wire
-    deceleration = wire.quick_stop_deceleration if isinstance(wire, Canopen) else setup.file.limits.acceleration
     return Orders(
         name=name,
         law=portable(running),
@@ -37,26 +35,25 @@ def orders(name: str, setup: Setup, running: law.Law, friction: bool, ring: Ring
         envelope=envelope(lasting),
         homing=setup.file.homing,
         window=WINDOW_COUNTS * (p.encoder.step or 1e-9),
-        standing=Standing(deceleration, p.encoder.step),
+        standing=Standing(setup.file.own_ramp, p.encoder.step),
         by_clock=not waits_for_sync(setup),
         wire=None if isinstance(wire, InProcess) else wire,
         stage=portable(p),
         simulation=setup.file.simulation,
         limits=axis_limits(setup.file, waits_for_sync(setup)),
-        ring=ring.descriptor,
+        ring=ring.place,
         board=board.descriptor,
         brake=setup.file.brake,
         holding=_holding(setup),
     )
 
 
-def post(setup: Setup, axes: Sequence[Orders], ring: Ring, coupled: bool = False, single: bool = False) -> Post:
-    """The order of the process for these `axes`, whose rings are like `ring`; the period is that of `setup`."""
+def post(setup: Setup, axes: Sequence[Orders], coupled: bool = False, single: bool = False) -> Post:
+    """The order of the process for these `axes`; the period is that of `setup`."""
     realtime = setup.file.realtime
     # A plant in this process takes longer than its period: at real-time priority it would starve the machine.
     priority = realtime.priority if all(axis.wire for axis in axes) else 0
-    shape = (ring.width, ring.capacity)
-    return Post(tuple(axes), setup.dt, priority, realtime.cpu, *shape, coupled, realtime.spin, single)
+    return Post(tuple(axes), setup.dt, priority, realtime.cpu, coupled, realtime.spin, single)
 
 
 def _holding(setup: Setup) -> float:

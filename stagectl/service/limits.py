@@ -19,6 +19,7 @@ OWNERS = 48  # with the key, or on the Unix socket; nobody else can take these
 BACKLOG = 16  # connections that are accepted at once, before the limits above are looked at
 HEADER_TIME = 5.0  # s for the header of a request
 BODY_TIME = 10.0  # s for its body
+CLOSE_TIME = 2.0  # s for a client to agree to the end of its live connection
 IDLE_TIME = 15.0  # s between two requests of a connection
 BODY = 1 << 16  # bytes of a body
 UPLOAD = 1 << 22  # bytes of the body of a trajectory with its tables: two minutes of a record at 2 kHz
@@ -44,3 +45,9 @@ DISPENSABLE, SERVICE, LOOP = 1000, -500, -900  # the unit allows the last one: `
 # Black boxes (`black_box`).
 BOXES_KEPT = 4  # faults whose rows are kept in memory while the disk is full, 5 MB each at 2 kHz
 BOX_RETRY = 5.0  # s between two attempts to write them
+
+# Jog (`jog`): a key that is held.
+HELD = 0.3  # s without a sign that it is, after which the axis brakes: three signs of a page, one of which may be late
+JOG_LOOK = 0.01  # s between two looks at that
+FURTHEST = 10.0  # s of motion that one press gives at most
+PRESSES = 256  # presses that have ended and are remembered, so that a late message begins none of them again

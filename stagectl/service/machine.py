@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from stagectl.config.machine_file import axes_of, coupled, split
-from stagectl.config.stage_blocks import InProcess
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen
@@ -46,18 +45,13 @@ def machine(stages: list[str], channel: str | None) -> dict[str, AxisController]
 
 def virtual(axes: dict[str, AxisController]) -> bool:
     """Whether nothing real can be moved: all plants are in this machine's memory."""
-    wires = [axis.setup.file.drive.wire for axis in axes.values()]
-    return all(
-        isinstance(wire, InProcess) or (isinstance(wire, Canopen) and wire.interface == "embedded") for wire in wires
-    )
+    return all(axis.setup.file.in_memory for axis in axes.values())
 
 
 def _on_channel(setup: Setup, channel: str | None) -> Setup:
-    wire = setup.file.drive.wire
-    if channel is None or not isinstance(wire, Canopen):
+    if channel is None or not isinstance(setup.file.drive.wire, Canopen):
         return setup
-    drive = setup.file.drive._replace(wire=wire._replace(channel=channel))
-    return setup._replace(file=setup.file._replace(drive=drive))
+    return setup.with_wire(channel=channel)
 
 
 def _check(axes: dict[str, AxisController]) -> None:

@@ -107,6 +107,10 @@ class OrderHandler:
             raise ServiceError(f"the trajectory must name its axis; the axes are: {', '.join(self.service.axes)}")
         await self._run([(axes[0], partial(axes[0].task, called, upload))], wait)
 
+    async def begin(self, axis: AxisController, layout: Layout) -> None:
+        """Begin what `layout` lays out from where the axis stands.  Raises ServiceError or StageError."""
+        await self._run([(axis, layout)], wait=False)
+
     async def change(self, name: str, values: dict[str, str]) -> None:
         """Other gains for an axis, or for all."""
         for axis in self.service.chosen(name):
@@ -140,13 +144,13 @@ class OrderHandler:
         """The move to a position, or by a distance; None where the axis is there already."""
         unit, scale = axis.setup.file.axis.travel_unit, axis.setup.file.axis.travel_per_unit
         text, absolute = where
-        distance = _value(text, unit)
+        distance = value_of(text, unit)
         if absolute:
             distance -= axis.status.reference * scale
         if abs(distance) < 1e-12:
             return None
-        speed = _value(pace[0], f"{unit}/s") if pace[0] else None
-        acceleration = _value(pace[1], f"{unit}/s^2") if pace[1] else None
+        speed = value_of(pace[0], f"{unit}/s") if pace[0] else None
+        acceleration = value_of(pace[1], f"{unit}/s^2") if pace[1] else None
         return axis.move(distance, speed, acceleration)
 
     async def _run(self, planned: Sequence[tuple[AxisController, Layout]], wait: bool) -> None:
@@ -186,7 +190,7 @@ def _no_longer(axis: AxisController, state: State) -> bool:
     return axis.state is not state
 
 
-def _value(text: str, unit: str) -> float:
+def value_of(text: str, unit: str) -> float:
     """A number with its unit (SI).  Raises ServiceError."""
     try:
         return parse(text, unit)

@@ -5,53 +5,54 @@ rows come back in shared memory.
 
 ::
 
-    service -- length, pickled Task ----> planning
-            <- length, pickled Motion, descriptor of its rows; or the problems why not
+    service -- Task ----> planning
+            <- Motion, descriptor of its rows; or the problems why not
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
-import pickle
-import socket
 import sys
+from multiprocessing.connection import Connection
+from multiprocessing.reduction import send_handle
+
+import numpy as np
+from numpy.typing import NDArray
 
 from stagectl.service.confined import confine
 from stagectl.service.limits import PLANNING_MEMORY
 from stagectl.service.planning import Motion, Refusal, Task, rows_of
-from stagectl.service.planning_link import LENGTH, received
 from stagectl.units import StageError
 
 
-def _answer(task: Task) -> tuple[Motion | Refusal, list[int]]:
-    """What there is to send, and the descriptor of the rows."""
+def _answer(task: Task) -> tuple[Motion, NDArray[np.float64]] | tuple[Refusal, None]:
+    """The motion and its rows (n, 8); or why it cannot be laid out."""
     try:
-        motion, rows = rows_of(task)
-        memory = os.memfd_create("stagectl-rows")
-        with open(memory, "wb", closefd=False) as file:
-            file.write(rows.data)
-        return motion, [memory]
+        return rows_of(task)
     except StageError as error:
-        return Refusal(error.problems or (str(error),)), []
+        return Refusal(error.problems or (str(error),)), None
+    except (ArithmeticError, ValueError) as error:
+        words = f"a number of the motion is too large or too small to compute with ({error}): correct it"
     except (MemoryError, RecursionError) as error:
-        return Refusal((f"the trajectory is too large to be planned ({type(error).__name__}): divide it",)), []
+        words = f"the trajectory is too large to be planned ({type(error).__name__}): divide it"
+    except ImportError as error:  # a computer without the compiler: the service goes on with interpreted kernels
+        raise SystemExit(f"the kernels cannot be compiled here: {error}") from error
+    return Refusal((words,)), None
 
 
 def main() -> None:
     """Entry of the process: one task after the other, until the service closes its end."""
     confine(PLANNING_MEMORY)
-    link = socket.socket(fileno=int(sys.argv[1]))
-    while True:
-        try:
-            task: Task = pickle.loads(received(link, *LENGTH.unpack(received(link, LENGTH.size))))
-        except (EOFError, OSError):
-            return
-        said, memory = _answer(task)
-        packed = pickle.dumps(said)
-        socket.send_fds(link, [LENGTH.pack(len(packed))], memory)
-        link.sendall(packed)
-        for descriptor in memory:
-            os.close(descriptor)
+    link = Connection(int(sys.argv[1]))
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            said, rows = _answer(link.recv())
+            link.send(said)
+            if rows is not None:
+                with open(os.memfd_create("stagectl-rows"), "wb", buffering=0) as memory:
+                    memory.write(rows.data)
+                    send_handle(link, memory.fileno(), None)
 
 
 if __name__ == "__main__":

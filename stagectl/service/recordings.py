@@ -6,8 +6,9 @@ import contextlib
 import functools
 import os
 import re
+import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,10 +20,12 @@ from stagectl.recording.recorder import ENOUGH, Order
 from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
 from stagectl.service.black_box import UNFINISHED
 from stagectl.service.child_process import Child, start
+from stagectl.service.retention import expired, in_words, kept
 
 LONGEST = 86400.0  # s
 KINDS = ("recordings", "blackbox")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.+-]{0,79}")
+_EXPIRY = 600.0  # s between two looks at what is too old or too much
 _END = 60.0  # s that a recorder may take to finish its file: one that is killed leaves it cut off
 
 
@@ -53,6 +56,7 @@ class Recordings:
     def __init__(self, state: Path) -> None:
         self._state = state
         self._running: dict[str, _Running] = {}
+        self._expiry = 0.0  # s, monotonic clock, of the next look at what is too old
 
     def begin(self, axis: AxisController, name: str, before: float, seconds: float) -> Path:
         """Record an axis from `before` (s) ago, as far as the ring goes back, until `end` or `seconds` from now.
@@ -75,7 +79,7 @@ class Recordings:
         child = start("stagectl.recording.recorder", (ring.descriptor, reading), "interpreted")
         os.close(reading)
         meta = about(axis, "recorded")
-        child.send(Order(ring.descriptor, ring.width, ring.capacity, reading, str(path), meta, COLUMNS, first))
+        child.send(Order(ring.place, reading, str(path), meta, COLUMNS, first))
         until = time.monotonic() + seconds
         self._running[axis.name] = _Running(axis.name, path, child, writing, first, until)
         return path
@@ -92,6 +96,20 @@ class Recordings:
                     if not being_written(left):
                         repair(left)
                         yield left.rename(left.with_suffix(".h5")).name
+
+    def expire(self, axes: Iterable[AxisController]) -> Iterator[str]:
+        """Remove what each stage file no longer wants kept, every ten minutes; what went, or could not, in words."""
+        if time.monotonic() < self._expiry:
+            return
+        self._expiry = time.monotonic() + _EXPIRY
+        for axis in axes:
+            for path in expired(axis.setup.file.recordings, kept(self._state, axis.name), time.time()):
+                try:
+                    if not being_written(path):
+                        path.unlink(missing_ok=True)
+                        yield f"removed {path}: {in_words(axis.setup.file.recordings)}"
+                except OSError as error:
+                    yield f"{path} cannot be removed: {error.strerror}"
 
     def end(self, name: str) -> Path:
         """End the recording of an axis; returns when its file is whole.  Raises ServiceError where there is none."""
@@ -161,9 +179,11 @@ class Recordings:
 
 
 def _listed(path: Path, going: bool) -> dict[str, Any]:
-    """A line of the list; empty where the file has just gone."""
+    """A line of the list; empty where the file has just gone, or is a link or a pipe: that is not our file."""
     try:
-        about = path.stat()
+        about = path.lstat()
+        if not stat.S_ISREG(about.st_mode):
+            return {}
         size, when = about.st_size, about.st_mtime
     except FileNotFoundError:
         if not going:

@@ -33,14 +33,13 @@ from stagectl.service import processes, single_instance, virtual_drive
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.axis_status import answers, axis_json
 from stagectl.service.child_process import start
-from stagectl.service.companions import Companions
 from stagectl.service.confined import rank
 from stagectl.service.limits import LOOP, SERVICE
-from stagectl.service.notify import notify
 from stagectl.service.planner import Planner
 from stagectl.service.recordings import Recordings
-from stagectl.service.service_paths import ServicePaths as ServicePaths
+from stagectl.service.single_instance import notify
 from stagectl.service.stop_link import Probe
+from stagectl.service.stop_link import ServicePaths as ServicePaths
 from stagectl.service.unix_sockets import serving
 
 LOOK = 0.02  # s between two looks at the processes
@@ -66,8 +65,8 @@ class Service:
         self._restarting: asyncio.Task[None] | None = None
         self._ends = contextlib.ExitStack()  # undoes what has been begun, the last step first
         self.recordings = Recordings(paths.state)
-        self.planner = Planner()
-        self._companions = Companions(axes, paths, self.note)
+        self.planner = Planner(lambda: [axis.rehearsal() for axis in axes.values()], say)
+        self._companions = processes.Companions(axes, paths, self.note)
 
     # begin and end
 
@@ -84,7 +83,8 @@ class Service:
             self.say(f"the writing of the black box {name} was interrupted; its rows so far are kept")
         rank(os.getpid(), SERVICE)
         self._stop_socket = self._ends.enter_context(serving(self.paths.stop, socket.SOCK_DGRAM))
-        self._present_drives()
+        for axis in self.axes.values():
+            self._ends.enter_context(virtual_drive.present(axis.setup, self.say))
         self._spawn()
         self._ends.callback(self._stop)
         self.planner.start()
@@ -106,16 +106,6 @@ class Service:
         self._loop.wait(_LEAVE)
         for child, patience in [*self._companions.leaving(), *self.recordings.cut(), *self._companions.last()]:
             child.wait(patience)
-
-    def _present_drives(self) -> None:
-        """Start virtual drives where the embedded bus has none."""
-        for axis in self.axes.values():
-            wire = axis.setup.file.drive.wire
-            if isinstance(wire, Canopen) and virtual_drive.wanted(wire):
-                self.say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
-                drive = virtual_drive.start(axis.setup.path, wire.channel, axis.setup.file.simulation.seed)
-                self._ends.callback(drive.wait)
-                self._ends.callback(drive.terminate)
 
     def _spawn(self) -> None:
         """Start the real-time process and its companions: from this thread, as they die with it."""
@@ -163,6 +153,8 @@ class Service:
                 self.note(
                     name, "recorder_died", "the recorder failed; see the messages above, then check the disk with `df`"
                 )
+            for words in self.recordings.expire(self.axes.values()):
+                self.say(words)
             self._probe.look()
             well = self.alive() and self._probe.well
             if (well or self._restarting) and time.monotonic() - triggered > 0.5:
@@ -174,11 +166,12 @@ class Service:
         now = time.monotonic()
         return any(now - status.tick < status.patience for status in (axis.status for axis in self.axes.values()))
 
-    def status_json(self) -> list[dict[str, Any]]:
-        """All axes now, as JSON values."""
+    def machine_json(self) -> dict[str, Any]:
+        """The machine now, as JSON values."""
         now = time.monotonic()
         silent = not answers((axis.status for axis in self.axes.values()), now)
-        return [axis_json(axis.shown, axis.board, now, silent) for axis in self.axes.values()]
+        shown = [axis_json(axis.shown, axis.board, now, silent) for axis in self.axes.values()]
+        return {"axes": shown, "alive": self.alive(), "refused": self.refused}
 
     def words(self) -> str:
         """The states of all axes in one line."""
@@ -231,13 +224,14 @@ class Service:
     # orders
 
     def chosen(self, name: str) -> list[AxisController]:
-        """The axis called `name`; all axes where it is empty.
-
-        Raises ServiceError.
-        """
+        """The axis called `name`; all axes where it is empty.  Raises ServiceError."""
         if name and name not in self.axes:
             raise ServiceError(f"no axis {name}; the axes are: {', '.join(self.axes)}")
         return [self.axes[name]] if name else list(self.axes.values())
+
+    def axis(self, name: str) -> AxisController:
+        """The axis called `name`; the first one where it is empty.  Raises ServiceError."""
+        return self.chosen(name or next(iter(self.axes)))[0]
 
     async def order(self, axis: AxisController, order: Order) -> None:
         """Give an order and wait until the loop has taken it.

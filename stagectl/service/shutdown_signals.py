@@ -6,7 +6,9 @@ So the verb holds `STOPS` back at once, and the server lets them through as soon
 
 from __future__ import annotations
 
+import contextlib
 import signal
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,9 +17,14 @@ if TYPE_CHECKING:
 STOPS = (signal.SIGTERM, signal.SIGINT)
 
 
-def hold_back() -> None:
-    """Have these signals wait until `stop_event` is called."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+@contextlib.contextmanager
+def held_back() -> Iterator[None]:
+    """Have these signals wait until `stop_event` is called, or until a refusal leaves this context."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def stop_event() -> asyncio.Event:

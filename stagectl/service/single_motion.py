@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import signal
 import threading
@@ -48,7 +49,25 @@ class Motion(NamedTuple):
     meta: dict[str, Any]
     recording: Path
     companion: Companion | None = None
+    located: Callable[[float], Plan] | None = None  # the plan from another position (rad | m), where it depends on it
     reset_fault: bool = False  # of the drive, before the motion: a person has asked for it
+
+
+def starting_at(motion: Motion, position: float) -> Motion:
+    """The motion laid out for an axis that stands at `position` (rad | m).
+
+    Raises DriveError where the position matters and is not known.
+    """
+    if motion.located is None:
+        return motion
+    if math.isnan(position):
+        raise DriveError(
+            "the model has effects that depend on the position, and the drive does not say where the axis stands:"
+            " run it with `--without effects`"
+        )
+    rows, column = motion.plan.setpoints.copy(), law.SETPOINT_COLUMNS["friction"]
+    rows[:, column] = motion.located(position).setpoints[:, column]  # the rest is relative, or was learned
+    return motion._replace(plan=motion.plan._replace(setpoints=rows))
 
 
 class Shared(NamedTuple):
@@ -103,10 +122,9 @@ def _watch(motion: Motion, processes: _Processes, shared: Shared, progress: Prog
     ring = shared.ring
     loop.send(posted(motion, shared))
     ready = event_of(loop, "ready")
-    meta = {**motion.meta, "drive": ready["drive"]}
-    recorder.send(
-        Order(ring.descriptor, ring.width, ring.capacity, alive, str(motion.recording), meta, rollout.COLUMNS)
-    )
+    motion = starting_at(motion, ready["position"])
+    meta = {**motion.meta, "drive": ready["drive"], "origin": ready["position"]}
+    recorder.send(Order(ring.place, alive, str(motion.recording), meta, rollout.COLUMNS))
     if recorder.line() != "ready":
         raise DriveError(f"the recorder cannot write {motion.recording}; nothing has moved; see the message above")
     shared.board.order(boards.Order(Event.ENABLE))
@@ -159,15 +177,12 @@ def posted(motion: Motion, shared: Shared) -> Post:
     setup = motion.setup
     friction = "friction" in setup.file.control.layers
     axis = orders(setup.file.name, setup, motion.law, friction, *shared)
-    job = post(setup, [axis._replace(homing=Homing())], shared.ring, single=True)  # relative: it needs no home
+    job = post(setup, [axis._replace(homing=Homing())], single=True)  # relative: it needs no home
     return job._replace(reset=motion.reset_fault)
 
 
 def event_of(process: Child, expected: str) -> dict[str, Any]:
-    """The next event of the loop, which must be `expected`.
-
-    Raises DriveError with the loop's reason otherwise.
-    """
+    """The next event of the loop, which must be `expected`.  Raises DriveError with the loop's reason otherwise."""
     line = process.line()
     if not line:
         raise DriveError("the real-time process died; the drive stops by itself within its heartbeat time-out")

@@ -11,7 +11,7 @@ import json
 import socket
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from stagectl.runtime_folder import short_name
 from stagectl.service.limits import LONGEST_ANSWER, PROBE, PROBE_PATIENCE
@@ -22,6 +22,19 @@ STOP, QUICK_STOP, STATUS = "stop", "quick-stop", "status"
 def beside(control: Path) -> Path:
     """The socket of the stop path that belongs to a control socket."""
     return control.with_name(f"{control.name}.stop")
+
+
+class ServicePaths(NamedTuple):
+    """Files and addresses of a running service."""
+
+    socket: Path
+    state: Path  # folder: black boxes, and the mark of a service that runs
+    foxglove: tuple[str, int] | None = None  # host and port of its live view; None: no live view
+
+    @property
+    def stop(self) -> Path:
+        """The socket of the stop path."""
+        return beside(self.socket)
 
 
 class StopLink:
@@ -50,8 +63,9 @@ class StopLink:
 
     def send(self, what: str, axis: str = "") -> None:
         """Ask, and do not wait; where its queue is full it has been asked often enough."""
+        self._socket.setblocking(False)  # not by a flag: `send_fds` of Python 3.11 drops it
         with contextlib.suppress(OSError):
-            socket.send_fds(self._socket, [_packed(what, axis)], [self._theirs.fileno()], socket.MSG_DONTWAIT)
+            socket.send_fds(self._socket, [_packed(what, axis)], [self._theirs.fileno()])
 
     def heard(self) -> bool:
         """Whether there is an answer; it is taken."""

@@ -129,6 +129,7 @@ def serve(post: StopPost) -> None:
     path, poll = StopPath(post), select.poll()
     for descriptor in (post.socket, post.alive, sys.stdin.fileno()):
         poll.register(descriptor, select.POLLIN)
+    path.look()  # a stop that came while nobody was here must not end a motion that is ordered from now on
     with contextlib.suppress(BrokenPipeError):
         os.write(sys.stdout.fileno(), b"ready\n")
     while True:

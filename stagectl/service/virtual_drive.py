@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import subprocess
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.bus.channel_lock import holder
-from stagectl.drives.bus.frames import Bus, frame, parse
+from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
-from stagectl.drives.canopen.cia402 import UPLOAD_DEVICE_TYPE
+from stagectl.drives.bus.other_masters import holder
+from stagectl.drives.canopen.probe import answering
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Odrive
 from stagectl.drives.simulated import Plant
@@ -21,8 +21,8 @@ from stagectl.drives.virtual.inject import InjectionSocket, obey, socket_path
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
 from stagectl.number_format import length
-from stagectl.realtime.scheduling import PARENT, settle
-from stagectl.service.child_process import PYTHON
+from stagectl.realtime.scheduling import settle
+from stagectl.service.child_process import PYTHON, environment
 
 VELOCITY_LOOP = 20.0  # Hz, of the virtual drive's own stops
 _READY = "virtual drive"
@@ -32,13 +32,7 @@ def answers(wire: Canopen, patience: float = 0.2) -> bool:
     """Whether a node with the wire's id answers on its bus."""
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
     try:
-        bus.send(frame(0x600 + wire.node, UPLOAD_DEVICE_TYPE))
-        end = time.monotonic() + patience
-        while (left := end - time.monotonic()) > 0.0:
-            raw = bus.receive(left)
-            if raw is not None and parse(raw)[0] == 0x580 + wire.node:
-                return True
-        return False
+        return bool(answering(bus, nodes=(wire.node,), patience=patience))
     finally:
         bus.close()
 
@@ -48,13 +42,37 @@ def wanted(wire: Canopen) -> bool:
     return wire.interface == "embedded" and holder(wire) is None and not answers(wire)
 
 
-def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
+@contextlib.contextmanager
+def present(setup: Setup, say: Callable[[str], object]) -> Iterator[None]:
+    """Make sure that the embedded bus of the stage has a drive: a virtual one where none answers."""
+    wire = setup.file.drive.wire
+    if not isinstance(wire, Canopen) or not wanted(wire):
+        yield
+        return
+    if setup.text:
+        raise DriveError(
+            f"the virtual drive reads its stage from a file, and this version of {setup.path} is in memory only: "
+            "save it first, `stage = stage.save('my-stage.yaml')`"
+        )
+    say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
+    machine = setup.file.virtual_drive.machine_of_the_day
+    process = start(setup.path, wire.channel, setup.file.simulation.seed, machine)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def start(stage_file: Path, channel: str, seed: int, machine: int = 0) -> subprocess.Popen[str]:
     """Start ``stagectl virtual-drive`` with noise of this `seed` and wait until it is on the bus.
+
+    `machine` is the seed of a machine of the day, or 0.
 
     Nobody reads its later messages, so the pipe is closed: a full one would block the drive in mid motion.
     Raises DriveError with what it printed where it is not.
     """
-    options = ["--channel", channel, "--seed", str(seed), "--follow"]
+    options = ["--channel", channel, "--seed", str(seed), "--machine-of-the-day", str(machine), "--follow"]
     command = [*PYTHON, "-m", "stagectl", "virtual-drive", str(stage_file), *options]
     process = subprocess.Popen(  # a new session: Ctrl-C is for the controller, which stops the axis
         command,
@@ -62,7 +80,7 @@ def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
         stdin=subprocess.DEVNULL,
         text=True,
         start_new_session=True,
-        env={**os.environ, PARENT: str(os.getpid())},
+        env=environment(),
     )
     assert process.stdout is not None
     with process.stdout:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from stagectl.config.stage_blocks import InProcess
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
 
@@ -13,9 +12,7 @@ _ANY_NUMBER = 1_000_000  # of late cycles in a row
 
 def waits_for_sync(setup: Setup) -> bool:
     """Whether the plant moves with our cycles, not with the clock: in process, or virtual with the clock `sync`."""
-    wire = setup.file.drive.wire
-    virtual = isinstance(wire, InProcess) or (isinstance(wire, Canopen) and wire.interface == "embedded")
-    return virtual and setup.file.simulation.clock == "sync"
+    return setup.file.in_memory and setup.file.simulation.clock == "sync"
 
 
 def patient(setup: Setup) -> Setup:
@@ -26,31 +23,24 @@ def patient(setup: Setup) -> Setup:
     """
     if not waits_for_sync(setup):
         return setup
-    file, wire = setup.file, setup.file.drive.wire
-    file = file._replace(realtime=file.realtime._replace(late_limit=_ANY_NUMBER))
+    wire = setup.file.drive.wire
     if isinstance(wire, Canopen):
-        file = file._replace(drive=file.drive._replace(wire=_relaxed(wire)))
-    return setup._replace(file=file)
+        names = ("heartbeat_timeout", "rpdo_timeout", "feedback_timeout")
+        times = {name: getattr(wire, name) for name in names}
+        setup = setup.with_wire(**{name: max(time, HELD_UP) for name, time in times.items() if time})  # 0: off
+    return _unpunctual(setup)
 
 
 def unhurried(setup: Setup) -> Setup:
     """The stage as tests judge it that time its stops: where the plant waits for SYNC, with half a second to notice."""
-    wire = setup.file.drive.wire
-    if not waits_for_sync(setup) or not isinstance(wire, Canopen):
+    if not waits_for_sync(setup) or not isinstance(setup.file.drive.wire, Canopen):
         return setup
     half = _UNHURRIED
-    wire = wire._replace(heartbeat=_HEARTBEAT, heartbeat_timeout=half, rpdo_timeout=half, feedback_timeout=half)
-    file = setup.file._replace(
-        drive=setup.file.drive._replace(wire=wire),
-        realtime=setup.file.realtime._replace(late_limit=_ANY_NUMBER),
+    return _unpunctual(
+        setup.with_wire(heartbeat=_HEARTBEAT, heartbeat_timeout=half, rpdo_timeout=half, feedback_timeout=half)
     )
-    return setup._replace(file=file)
 
 
-def _relaxed(wire: Canopen) -> Canopen:
-    """A time-out that is off stays off."""
-    return wire._replace(
-        heartbeat_timeout=max(wire.heartbeat_timeout, HELD_UP),
-        rpdo_timeout=max(wire.rpdo_timeout, HELD_UP) if wire.rpdo_timeout else 0.0,
-        feedback_timeout=max(wire.feedback_timeout, HELD_UP),
-    )
+def _unpunctual(setup: Setup) -> Setup:
+    """With cycles that may be late."""
+    return setup.having(realtime=setup.file.realtime._replace(late_limit=_ANY_NUMBER))

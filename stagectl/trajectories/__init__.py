@@ -11,10 +11,10 @@ Each trajectory is a NamedTuple of plain numbers with
 travel: m here, whatever the configuration converts them to.
 """
 
-from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine, CurrentSine, CurrentSweep, Span
+from stagectl.trajectories.currents import CURRENTS, CurrentMultisine, CurrentSine, CurrentSweep, Span
 from stagectl.trajectories.experiments import Excited, Experiment, Phases, Released, check, phases
-from stagectl.trajectories.limits import Peaks, peaks
-from stagectl.trajectories.motion import Motion, TrajectoryError
+from stagectl.trajectories.limits import peaks
+from stagectl.trajectories.motion import TrajectoryError
 from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell, SCurve, Trapezoid
 from stagectl.trajectories.recorded import Columns, Csv, Recorded, columns
@@ -25,16 +25,13 @@ __all__ = [
     "TYPES",
     "Columns",
     "Csv",
-    "Current",
     "CurrentMultisine",
     "CurrentSine",
     "CurrentSweep",
     "Dwell",
     "Excited",
     "Experiment",
-    "Motion",
     "Multisine",
-    "Peaks",
     "Phases",
     "Recorded",
     "Released",

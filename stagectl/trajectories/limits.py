@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, below
 from stagectl.trajectories.bounds import (
     BLOCK,
     LEAST_ROWS,
@@ -99,11 +99,6 @@ def check_duration(duration: float, place: str) -> None:
         value, interval = f"{duration:g} s", f"[0, {LONGEST:g}]"
         problem = Problem("", ProblemKind.RANGE, below(place, "duration"), value, "s", interval)
         raise TrajectoryError(problem._replace(remedy="run fewer periods or cycles"))
-
-
-def below(place: str, name: str) -> str:
-    """The key path of an entry of the block at `place`."""
-    return f"{place}.{name}" if place else name
 
 
 def _check_distance(distance: float, place: str) -> None:

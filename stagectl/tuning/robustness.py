@@ -118,9 +118,9 @@ def _differenced(plant: Rational, inner: Rational) -> tuple[Rational, Rational]:
     return velocity, Rational(np.polydiv(inner.numerator, integrator)[0], inner.denominator)
 
 
-def grid(dt: float, points: int = POINTS) -> Array:
-    """Frequencies (points,) Hz up to Nyquist's."""
-    return np.geomspace(LOWEST / dt, 0.5 / dt, points)
+def grid(dt: float) -> Array:
+    """Frequencies (POINTS,) Hz up to Nyquist's."""
+    return np.geomspace(LOWEST / dt, 0.5 / dt, POINTS)
 
 
 def robustness(loop: Loop) -> Robustness:

@@ -16,6 +16,7 @@ from stagectl.tuning.constants import LONGEST, SENSITIVITY_PEAK, SETTLED, STEP_P
 from stagectl.tuning.families import law_of
 from stagectl.tuning.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
 from stagectl.tuning.search import Tuned
+from stagectl.typed_json import finite
 
 NAMES = {"pid": "PID", "cascade": "P-PI cascade"}
 
@@ -239,7 +240,7 @@ def entries(control: design.Settings) -> dict[str, float]:
 
 
 def _value(value: float, unit: str) -> dict[str, Any]:
-    return {"value": value if math.isfinite(value) else None, "unit": unit}
+    return {"value": finite(value), "unit": unit}
 
 
 def _robust(loop: Robustness) -> dict[str, Any]:

@@ -22,7 +22,7 @@ import numpy as np
 from stagectl.gap.logs.session import Array
 from stagectl.kernels import jit, law, rollout, stage
 from stagectl.recording.beside import order_of, word_of
-from stagectl.recording.ring import Ring
+from stagectl.recording.ring import Ring, RingPlace
 from stagectl.twin.estimate import status_of
 from stagectl.twin.live_model import Twin, TwinBlock, TwinState, pieces, step, twin_of
 from stagectl.twin.record import add, line_of, snapshot
@@ -32,9 +32,7 @@ from stagectl.twin.thresholds import BLOCK, NICENESS, POLL_PERIOD, SNAPSHOT_PERI
 class TwinOrder(NamedTuple):
     """The axis that the twin runs next to, and where it writes."""
 
-    ring: int  # descriptor
-    width: int
-    capacity: int
+    ring: RingPlace
     alive: int  # descriptor of the pipe's reading end
     law: law.Law
     stage: stage.Stage
@@ -66,8 +64,8 @@ class RingFollower:
             first, rows = self.ring.read(self.done, min(self.size, waiting))
             if first != self.done:
                 self._skip(first)
-            self.done += len(rows) // (8 * self.order.width)
-            self._take(np.frombuffer(rows).reshape(-1, self.order.width))
+            self.done += len(rows) // (8 * self.ring.width)
+            self._take(np.frombuffer(rows).reshape(-1, self.ring.width))
 
     def _skip(self, to: int) -> None:
         """Go on at row `to`: a gap in time, which `live_model.step` notices."""
@@ -119,7 +117,7 @@ def restored(p: Any) -> Any:
 
 def watch(order: TwinOrder) -> None:
     """Follow the ring until it closes or its writer is gone."""
-    ring = Ring(order.ring, order.width, order.capacity)
+    ring = Ring(*order.ring)
     _warmed(order, ring)
     follower = RingFollower(order, ring)
     print("ready", flush=True)

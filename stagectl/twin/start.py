@@ -32,8 +32,8 @@ def companion(setup: Setup, running: law.Law, recording: Path, record: Path | No
     files = (str(live_file(recording)), str(record or slow_record(setup, recording)))
 
     def order(ring: Ring, alive: int) -> TwinOrder:
-        place = (ring.descriptor, ring.width, ring.capacity, alive)
-        return TwinOrder(*place, portable(running), portable(p), setup.dt, about, *files, setup.file.realtime.cpu)
+        law, model = portable(running), portable(p)
+        return TwinOrder(ring.place, alive, law, model, setup.dt, about, *files, setup.file.realtime.cpu)
 
     return Companion("stagectl.twin.process", order)
 

@@ -12,7 +12,7 @@ import hmac
 import os
 import secrets
 import stat
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
@@ -51,77 +51,72 @@ class Keys(NamedTuple):
         return (Permission.MOVE if self.token_moves else Permission.READ) if known else Permission.NOTHING
 
 
+Answer = Callable[[Any, Any, Any], Awaitable[None]]  # an ASGI application
+Check = Callable[[Any], Answer | None]  # of the scope of a request: None, or the refusal that answers it
 Seat = Callable[[Any, Permission], bool]  # for the scope of a request; see `seats`
 
 
-class Home:
+def guarded(app: Answer, *checks: Check) -> Answer:
+    """The application behind these checks, in this order."""
+
+    async def answer(scope: Any, receive: Any, send: Any) -> None:
+        refusal = next(filter(None, (check(scope) for check in checks)), None)
+        await (refusal or app)(scope, receive, send)
+
+    return answer
+
+
+def at_home(seat: Seat) -> Check:
     """The Unix socket: whoever may use it owns the machine, and takes an owner's seat."""
-
-    def __init__(self, app: Any, seat: Seat) -> None:
-        self._app, self._seat = app, seat
-
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """One request."""
-        if scope["type"] == "http" and not self._seat(scope, Permission.MOVE):
-            await _no(503, _FULL)(scope, receive, send)
-            return
-        await self._app(scope, receive, send)
+    return lambda scope: _no(503, _FULL) if scope["type"] == "http" and not seat(scope, Permission.MOVE) else None
 
 
-class Guard:
-    """TCP: attaches its permission to a request or refuses it; a live connection sends its key itself."""
+def by_key(keys: Keys, seat: Seat) -> Check:
+    """TCP: a request gets the permission of its key or is refused; a live connection sends its key itself."""
 
-    def __init__(self, app: Any, keys: Keys, seat: Seat) -> None:
-        self._app, self._keys, self._seat = app, keys, seat
-
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """One request."""
+    def refusal(scope: Any) -> Answer | None:
         if scope["type"] == "websocket":
-            scope["keys"] = self._keys
-        elif scope["type"] == "http" and not _public(scope["path"]):
-            bearer = dict(scope["headers"]).get(b"authorization", b"").decode("latin-1")
-            scope["may"] = may = self._keys.grant(bearer.removeprefix("Bearer ")) if bearer else Permission.NOTHING
-            if may is Permission.NOTHING:
-                await _no(401, "the token is missing or wrong: send the header 'Authorization: Bearer TOKEN'")(
-                    scope, receive, send
-                )
-                return
-            if scope["method"] not in _READING and may is not Permission.MOVE:
-                words = "this token only allows reading: use the Unix socket, or the key that `stagectl page` prints"
-                await _no(403, words)(scope, receive, send)
-                return
-            if not self._seat(scope, may):
-                await _no(503, _FULL)(scope, receive, send)
-                return
-        await self._app(scope, receive, send)
+            scope["keys"] = keys
+        if scope["type"] != "http" or _public(scope["path"]):
+            return None
+        bearer = dict(scope["headers"]).get(b"authorization", b"").decode("latin-1")
+        scope["may"] = may = keys.grant(bearer.removeprefix("Bearer ")) if bearer else Permission.NOTHING
+        if may is Permission.NOTHING:
+            return _no(401, "the token is missing or wrong: send the header 'Authorization: Bearer TOKEN'")
+        if scope["method"] not in _READING and may is not Permission.MOVE:
+            return _no(
+                403, "this token only allows reading: use the Unix socket, or the key that `stagectl page` prints"
+            )
+        return None if seat(scope, may) else _no(503, _FULL)
+
+    return refusal
 
 
-class SameSite:
+def same_site(home: bool) -> Check:
     """Refuses what a browser sends for a page that is not ours; `home`: ours is only found on this machine.
 
     Programs send no Origin; a browser does with everything that changes something, and with live connections.
     """
 
-    def __init__(self, app: Any, home: bool) -> None:
-        self._app, self._home = app, home
+    def refusal(scope: Any) -> Answer | None:
+        if scope["type"] not in ("http", "websocket") or _ours(dict(scope["headers"]), home):
+            return None
+        if scope["type"] == "websocket":
+            return _closed
+        return _no(403, "the request comes from the page of another site: open the address that `stagectl page` prints")
 
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """One request."""
-        if scope["type"] in ("http", "websocket") and not self._ours(dict(scope["headers"])):
-            if scope["type"] == "websocket":
-                await send({"type": "websocket.close", "code": 1008})
-            else:
-                await _no(
-                    403, "the request comes from the page of another site: open the address that `stagectl page` prints"
-                )(scope, receive, send)
-            return
-        await self._app(scope, receive, send)
+    return refusal
 
-    def _ours(self, headers: dict[bytes, bytes]) -> bool:
-        origin, host = (headers.get(name, b"").decode("latin-1") for name in (b"origin", b"host"))
-        if not origin:
-            return True
-        return origin.partition("://")[2] == host and (not self._home or urlsplit(f"//{host}").hostname in _HOME)
+
+def _ours(headers: dict[bytes, bytes], home: bool) -> bool:
+    origin, host = (headers.get(name, b"").decode("latin-1") for name in (b"origin", b"host"))
+    if not origin:
+        return True
+    return origin.partition("://")[2] == host and (not home or urlsplit(f"//{host}").hostname in _HOME)
+
+
+async def _closed(scope: Any, receive: Any, send: Any) -> None:
+    await send({"type": "websocket.close", "code": 1008})
 
 
 def _public(path: str) -> bool:

@@ -48,10 +48,7 @@ def side_by_side(setups: Mapping[str, Setup]) -> dict[str, Channel]:
 
 
 def chosen(known: dict[str, Channel], names: list[str]) -> list[Channel]:
-    """The channels of these names.
-
-    Raises ServiceError for an unknown channel, or too many of them.
-    """
+    """The channels of these names.  Raises ServiceError for an unknown channel, or too many of them."""
     for name in names:
         if name not in known:
             raise ServiceError(f"no channel {name}; the channels are: {', '.join(known)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import os
@@ -65,12 +66,13 @@ def _group(path: Path) -> str:
         return "stagectl"
 
 
-def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
-    """The answer to a request; a service that is stuck is not waited for, but for a motion.
+def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, patience: float | None = None) -> Any:
+    """The answer to a request; a service that is stuck is not waited for, but for a motion, or `patience` (s).
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
     """
-    patience = MOTION_TIME if what.partition("?")[0] in MOTIONS else ANSWER_TIME
+    if patience is None:
+        patience = MOTION_TIME if what.partition("?")[0] in MOTIONS else ANSWER_TIME
     link = _UnixConnection(path, patience)
     try:
         content = None if body is None else json.dumps(body)
@@ -111,7 +113,7 @@ def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:
             raise RefusedError(answer["error"])
         return _stood(link, axis, quick)
     except OSError as error:
-        raise ControlError(f"the stop path on {place} does not answer: {_BY_HAND}") from error
+        raise _unstopped(path) from error
     finally:
         link.close()
 
@@ -129,6 +131,17 @@ def _stood(link: StopLink, axis: str, quick: bool) -> dict[str, Any]:
             states = "; ".join(f"{shown['axis']}: {shown['state_words']}" for shown in going)
             raise ControlError(f"the stop is given and not carried out ({states}): {_BY_HAND}")
         time.sleep(STOP_LOOK)
+
+
+def _unstopped(path: Path) -> ControlError:
+    """What a person must do where the stop path is silent, with what the service knows of its axes."""
+    words = "the service does not answer, either"
+    with contextlib.suppress(ControlError):
+        axes = ask(path, "GET", "/v1/status", patience=STOP_ANSWER)["axes"]
+        words = "; ".join(f"{axis['axis']}: {axis['state_words']}" for axis in axes)
+        if all(axis["state"] == "connecting" for axis in axes):
+            return ControlError(f"not stopped by us: {words}. Where an axis still moves, press the emergency stop")
+    return ControlError(f"the stop path on {beside(path)} does not answer ({words}): {_BY_HAND}")
 
 
 def _not_allowed(path: Path) -> ControlError:

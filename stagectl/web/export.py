@@ -18,9 +18,8 @@ from typing import IO
 from fastapi.responses import FileResponse
 from starlette.responses import Response, StreamingResponse
 
-from stagectl.realtime.scheduling import PARENT
 from stagectl.service.axis_controller import ServiceError
-from stagectl.service.child_process import PYTHON
+from stagectl.service.child_process import PYTHON, environment
 from stagectl.service.limits import EXPORT_TIME, EXPORTS_WAITING, FETCH_TIME
 from stagectl.web.limits import BLOCK
 
@@ -94,7 +93,7 @@ async def _written(path: Path, to: str, target: Path) -> None:
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", PARENT: str(os.getpid())},
+        env=environment(OPENBLAS_NUM_THREADS="1"),
     )
     try:
         _, errors = await asyncio.wait_for(process.communicate(), EXPORT_TIME)

@@ -20,14 +20,16 @@ from stagectl.config.bounds import LARGEST_FILE
 from stagectl.realtime.shared_memory import BoardFullError
 from stagectl.service import planning
 from stagectl.service.axis_controller import AxisController, ServiceError
+from stagectl.service.jog import Jogs
 from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
 from stagectl.web.bodies import for_client
-from stagectl.web.limits import AXES, AXIS_NAME, FILE_NAME, GAINS, QUANTITY, TABLES
+from stagectl.web.limits import AXES, AXIS_NAME, FILE_NAME, GAINS, LARGEST_NUMBER, QUANTITY, TABLES
 
 AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
+NamedAxis = Annotated[str, Field(max_length=AXIS_NAME)]  # a constrained key is looked at: it must be text
 Length = Annotated[str, Field(max_length=QUANTITY, examples=["10 mm"], description="With its unit.")]
 
 
@@ -89,11 +91,19 @@ class Entry(BaseModel):
 class Move(Strict):
     """A move of one or several axes, which begin in one period; positions or distances."""
 
-    to: dict[str, Length] = Field(default_factory=dict, description="Position by axis.", max_length=AXES)
-    by: dict[str, Length] = Field(default_factory=dict, description="Distance by axis.", max_length=AXES)
+    to: dict[NamedAxis, Length] = Field(default_factory=dict, description="Position by axis.", max_length=AXES)
+    by: dict[NamedAxis, Length] = Field(default_factory=dict, description="Distance by axis.", max_length=AXES)
     speed: Length | None = None
     acceleration: Length | None = None
     wait: bool = True
+
+
+class Jog(Strict):
+    """A key that is held: sent again and again until it is released, then `/v1/stop`."""
+
+    axis: NamedAxis = ""
+    press: float = Field(ge=0, le=LARGEST_NUMBER, description="Another number for each press.")
+    speed: Length = Field(examples=["-5 mm/s"], description="Its sign is the direction.")
 
 
 class Upload(Strict):
@@ -103,20 +113,20 @@ class Upload(Strict):
     yaml: Annotated[
         str, Field(max_length=LARGEST_FILE, examples=["{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 2}"])
     ]
-    tables: dict[str, str] = Field(
+    tables: dict[Annotated[str, Field(max_length=FILE_NAME)], str] = Field(
         default_factory=dict,
         max_length=TABLES,
         description="Text of the CSV files that it names; no other file is read.",
     )
-    axis: Annotated[str, Field(max_length=AXIS_NAME)] = ""
+    axis: NamedAxis = ""
     wait: bool = True
 
 
 class Parameters(Strict):
     """Changes of `control`, values with units."""
 
-    control: dict[str, Length] = Field(max_length=GAINS)
-    axis: Annotated[str, Field(max_length=AXIS_NAME)] = ""
+    control: dict[NamedAxis, Length] = Field(max_length=GAINS)
+    axis: NamedAxis = ""
 
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {
@@ -177,7 +187,7 @@ def _reading(app: FastAPI, service: Service) -> None:
     @app.get("/v1/status", response_model=Machine)
     async def status() -> Response:
         """All axes, now."""
-        text = json.dumps(machine_status(service))
+        text = json.dumps(service.machine_json())
         return Response(text, media_type="application/json")  # not validated: requested often
 
     @app.get("/v1/faults", response_model=list[Entry])
@@ -195,7 +205,7 @@ def _moving(app: FastAPI, orders: OrderHandler) -> None:
     def verb(path: str, order: Callable[[list[AxisController]], Awaitable[None]]) -> None:
         async def do(axis: AxisName = "") -> dict[str, Any]:
             await order(orders.service.chosen(axis))
-            return machine_status(orders.service)
+            return orders.service.machine_json()
 
         do.__name__ = path.replace("-", "_").replace("/", "_")
         app.post(f"/v1/{path}", response_model=Machine, responses=_REFUSALS, description=order.__doc__)(do)
@@ -211,26 +221,25 @@ def _moving(app: FastAPI, orders: OrderHandler) -> None:
     async def move(body: Move, request: Request) -> dict[str, Any]:
         """Move axes to positions or by distances; with `wait` it answers when they stand in position."""
         await for_client(request, orders.move(body.to, body.by, (body.speed, body.acceleration), body.wait))
-        return machine_status(orders.service)
+        return orders.service.machine_json()
+
+    jogs = Jogs(orders)
+
+    @app.post("/v1/jog", response_model=Machine, responses=_REFUSALS)
+    async def jog(body: Jog) -> dict[str, Any]:
+        """Move while a key is held; the axis brakes 0.3 s after the last of these requests, and before the limits."""
+        await jogs.hold(body.axis, body.press, body.speed)
+        return orders.service.machine_json()
 
     @app.post("/v1/trajectory", response_model=Machine, responses=_REFUSALS)
     async def trajectory(body: Upload, request: Request) -> dict[str, Any]:
         """Run a trajectory file from where the axis stands; a client that goes before it begins calls it off."""
         upload = planning.Upload(body.yaml, body.tables)
         await for_client(request, orders.trajectory(body.axis, body.name, upload, body.wait))
-        return machine_status(orders.service)
+        return orders.service.machine_json()
 
     @app.patch("/v1/parameters", response_model=Machine, responses=_REFUSALS)
     async def change(body: Parameters) -> dict[str, Any]:
         """Change gains while it runs, without a jump of the current."""
         await orders.change(body.axis, body.control)
-        return machine_status(orders.service)
-
-
-def machine_status(service: Service) -> dict[str, Any]:
-    """The machine as JSON values."""
-    return {
-        "axes": service.status_json(),
-        "alive": service.alive(),
-        "refused": service.refused,
-    }
+        return orders.service.machine_json()

@@ -39,10 +39,11 @@ LONGEST_STRIP = 3600.0  # s
 SHORTEST_SCOPE, LONGEST_SCOPE = 1e-3, 60.0  # s
 LONGEST_SHARE = 0.6  # of the ring that a capture may take: the loop writes on while it is read
 FREE_PAUSE = (0.05, 0.5)  # s, least and most: a scope in mode auto that sees no trigger waits for its span within these
+WAITING = 1.0  # s without a trigger after which, and in which again, the viewer is told what its channel does
 HELD_OFF = 0.05  # s after a capture, until the next trigger counts
 LARGEST_NUMBER = 2**50  # of a request: a float64 carries it back, which is exact below 2**53
 
-# Histogram of lateness (`lateness`).
+# Histogram of lateness (`status_feed`).
 EDGES = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # s
 KEPT = 60.0  # s that it covers
 

@@ -90,6 +90,12 @@ class ScopeView:
         """Whether a single capture has been taken."""
         return self._scope.done
 
+    @property
+    def waiting(self) -> tuple[float, float] | None:
+        """Between what the trigger's channel has stayed, in its unit, while it does not trigger; None: no trigger."""
+        trigger, (low, high) = self._scope.settings.trigger, self._scope.seen
+        return (low * trigger.scale, high * trigger.scale) if trigger and low <= high else None
+
     def look(self, number: int) -> bytes | None:
         """The next capture, coarse."""
         capture = self._scope.look(self._ring)

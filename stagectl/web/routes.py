@@ -17,13 +17,13 @@ from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import MOVING_VIEWERS, READING_VIEWERS
 from stagectl.service.recordings import LONGEST
 from stagectl.service.service import Service
-from stagectl.web import assets
+from stagectl.web import assets, virtual_faults
 from stagectl.web.access_control import Permission
 from stagectl.web.bodies import for_client
 from stagectl.web.channels import channels
 from stagectl.web.export import Exports
 from stagectl.web.limits import AXIS_NAME, FILE_NAME, KEY_TIME, PATH_PART, REACHED_BACK, RECORDED
-from stagectl.web.seats import seated, stays
+from stagectl.web.seats import leaves, seated, stays
 from stagectl.web.status_feed import StatusFeed
 from stagectl.web.viewer import Viewer
 
@@ -83,6 +83,7 @@ def add(app: FastAPI, service: Service, port: Port, refusals: Refusals) -> None:
     _reading(app, service)
     _recording(app, service, refusals)
     _live(app, service)
+    virtual_faults.add(app, service, refusals)
 
     @app.post("/v1/page", response_model=dict[str, str], responses=refusals)
     async def page() -> dict[str, str]:
@@ -143,14 +144,14 @@ def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
     @app.post("/v1/recordings", response_model=dict[str, str], responses=refusals)
     async def begin(body: Record) -> dict[str, str]:
         """Begin to record an axis."""
-        (axis,) = service.chosen(body.axis or next(iter(service.axes)))
+        axis = service.axis(body.axis)
         path = service.recordings.begin(axis, body.name, body.before, body.seconds)
         return {"axis": axis.name, "file": path.name, "path": str(path)}
 
     @app.post("/v1/recordings/end", response_model=dict[str, str], responses=refusals)
     async def end(axis: Annotated[str, Query(max_length=AXIS_NAME)] = "") -> dict[str, str]:
         """End the recording of an axis."""
-        (recorded,) = service.chosen(axis or next(iter(service.axes)))
+        recorded = service.axis(axis)
         path = await asyncio.to_thread(service.recordings.end, recorded.name)
         return {"axis": recorded.name, "file": path.name, "path": str(path)}
 
@@ -170,9 +171,12 @@ def _live(app: FastAPI, service: Service) -> None:
 
     @app.websocket("/v1/live")
     async def live(link: WebSocket) -> None:
-        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # it has gone
-            await link.accept()
-            await seen(link, await _may(link))
+        try:
+            with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # it has gone
+                await link.accept()
+                await seen(link, await _may(link))
+        finally:
+            leaves(link.scope)
 
     async def seen(link: WebSocket, may: Permission) -> None:
         if may is Permission.NOTHING:

@@ -15,8 +15,9 @@ import asyncio
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from stagectl.service.limits import HEADER_TIME, OWNERS, READERS, STRANGERS, STRANGERS_EACH
+from stagectl.service.limits import CLOSE_TIME, HEADER_TIME, OWNERS, READERS, STRANGERS, STRANGERS_EACH
 from stagectl.web.access_control import Permission
 
 _MOST = {Permission.NOTHING: STRANGERS, Permission.READ: READERS, Permission.MOVE: OWNERS}
@@ -123,3 +124,22 @@ def stays(scope: Any) -> None:
     guest: Guest | None = scope.get("state", {}).get("guest")
     if guest is not None:
         guest.live = True
+
+
+def leaves(scope: Any) -> None:
+    """Whoever makes this request is a viewer no more: the connection ends soon, whatever the client does."""
+    guest: Guest | None = scope.get("state", {}).get("guest")
+    if guest is not None:
+        guest.live = False
+        guest.loop.call_later(CLOSE_TIME, guest.transport.abort)
+
+
+class Live(WebSocketsSansIOProtocol):
+    """A live connection; the answers to pings do not pile up where the client does not read them."""
+
+    def handle_ping(self) -> None:
+        """Answer, or throw the answer away."""
+        if self.writable.is_set():
+            super().handle_ping()
+        else:
+            self.conn.data_to_send()

@@ -19,16 +19,16 @@ import websockets  # noqa: F401  uvicorn imports it by name, and hides its absen
 from stagectl.service import shutdown_signals
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import BACKLOG, DESCRIPTORS, IDLE_TIME
-from stagectl.service.notify import notify
 from stagectl.service.service import Service
+from stagectl.service.single_instance import handed_over, notify
 from stagectl.service.unix_sockets import serving
 from stagectl.web import assets
-from stagectl.web.access_control import Guard, Home, Keys, SameSite, secret
+from stagectl.web.access_control import Check, Keys, at_home, by_key, guarded, same_site, secret
 from stagectl.web.bodies import Bodies
 from stagectl.web.http import application
 from stagectl.web.limits import AT_ONCE, MESSAGE
 from stagectl.web.routes import Port
-from stagectl.web.seats import Guest, Seats, seated
+from stagectl.web.seats import Guest, Live, Seats, seated
 
 
 class Tcp(NamedTuple):
@@ -77,7 +77,7 @@ def _servers(
     """The servers with their listening sockets, which `ends` closes."""
     listening = ends.enter_context(serving(service.paths.socket, socket.SOCK_STREAM))
     if tcp is None:
-        return [(_server(Home(Bodies(application(service)), seated), home=True), [listening])]
+        return [(_server(Bodies(application(service)), at_home(seated), home=True), [listening])]
     keys, port = Keys(secret(tcp.token), secret(tcp.token.with_name("key")), tcp.writes), _port(tcp)
     ends.callback(port.close)
     address = f"http://{tcp.host}:{port.getsockname()[1]}/"
@@ -85,8 +85,8 @@ def _servers(
     threading.Thread(target=_plots, args=(service.say,), daemon=True).start()
     app = Bodies(application(service, Port(address, keys.key)))
     return [
-        (_server(Home(app, seated), home=True), [listening]),
-        (_server(Guard(app, keys, seated), home=False), [port]),
+        (_server(app, at_home(seated), home=True), [listening]),
+        (_server(app, by_key(keys, seated), home=False), [port]),
     ]
 
 
@@ -133,16 +133,16 @@ async def _until_stopped(
         raise ServiceError("a server of the service ended by itself: start the service again, and report this as a bug")
 
 
-def _server(app: Any, home: bool) -> _Server:
+def _server(app: Any, check: Check, home: bool) -> _Server:
     config = uvicorn.Config(
-        SameSite(app, home),
+        guarded(app, same_site(home), check),
         http=partial(Guest, Seats()),  # type: ignore[arg-type]
         backlog=BACKLOG,
         log_level="warning",
         lifespan="off",
         access_log=False,
         timeout_keep_alive=round(IDLE_TIME),
-        ws="websockets-sansio",
+        ws=Live,
         ws_per_message_deflate=False,  # one small message each 16 ms: to compress it costs more than to send it
         ws_max_size=MESSAGE,
     )
@@ -150,7 +150,9 @@ def _server(app: Any, home: bool) -> _Server:
 
 
 def _port(tcp: Tcp) -> socket.socket:
-    """The listening port.  Raises ServiceError where another program has it."""
+    """The listening port, as systemd opened it or our own.  Raises ServiceError where another program has it."""
+    if (listening := handed_over()) is not None:
+        return listening
     try:
         return socket.create_server((tcp.host, tcp.port))
     except OSError as error:

@@ -2,16 +2,63 @@
 
 from __future__ import annotations
 
+import collections
 import time
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen
-from stagectl.service.axis_controller import AxisController
+from stagectl.recording.ring import Ring
+from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.service import Service
 from stagectl.web.channels import Channel, channels, side_by_side
-from stagectl.web.lateness import Lateness
-from stagectl.web.limits import CYCLES_OVER, FAULTS_SHOWN, STATUS_AGE
+from stagectl.web.limits import CYCLES_OVER, EDGES, FAULTS_SHOWN, KEPT, STATUS_AGE
+from stagectl.web.virtual_faults import may_be_virtual
+
+_COLUMN = COLUMNS.index("lateness")
+
+
+class _Part(NamedTuple):
+    rows: int
+    counts: NDArray[np.intp]
+    largest: float
+
+
+class Lateness:
+    """How late the periods of the last minute began, as a histogram; counted from the ring, when somebody asks."""
+
+    def __init__(self, ring: Ring, dt: float) -> None:
+        self.ring, self._most = ring, round(KEPT / dt)
+        self._done, self._rows = 0, 0
+        self._parts: collections.deque[_Part] = collections.deque()
+        self._counts = np.zeros(len(EDGES) + 1, dtype=np.intp)  # of all parts: reported ten times a second
+
+    def histogram(self) -> dict[str, Any]:
+        """Counts below the first edge, between two edges, and from the last one on; largest (s); rows counted."""
+        self._count()
+        return {
+            "edges": list(EDGES),
+            "counts": self._counts.tolist(),
+            "largest": max((part.largest for part in self._parts), default=0.0),
+            "rows": self._rows,
+        }
+
+    def _count(self) -> None:
+        first, raw = self.ring.read(self._done, self.ring.capacity)
+        late = np.frombuffer(raw).reshape(-1, self.ring.width)[:, _COLUMN]
+        self._done = first + len(late)
+        if not len(late):
+            return
+        places = np.searchsorted(EDGES, late, side="right")
+        part = _Part(len(late), np.bincount(places, minlength=len(EDGES) + 1), float(late.max()))
+        self._parts.append(part)
+        self._rows, self._counts = self._rows + part.rows, self._counts + part.counts
+        while self._rows - self._parts[0].rows >= self._most:
+            old = self._parts.popleft()
+            self._rows, self._counts = self._rows - old.rows, self._counts - old.counts
 
 
 class StatusFeed:
@@ -33,6 +80,9 @@ class StatusFeed:
                 "ring": axis.ring.capacity * axis.setup.dt,
                 "homing": axis.setup.file.homing.method,
                 "bus": _wire(axis),
+                "virtual": may_be_virtual(axis),
+                "follows_sync": may_be_virtual(axis) and axis.setup.file.simulation.clock == "sync",
+                "gains": axis.gain_units(),
                 "channels": {
                     name: {"unit": channel.unit, "meaning": channel.meaning}
                     for name, channel in self._seen_from(axis).items()
@@ -55,10 +105,10 @@ class StatusFeed:
 
     def _status(self, now: float) -> dict[str, Any]:
         service = self._service
+        machine = service.machine_json()
         return {
-            "alive": service.alive(),
-            "refused": service.refused,
-            "axes": [{**shown, **self._extras(service.axes[shown["axis"]], now)} for shown in service.status_json()],
+            **machine,
+            "axes": [{**shown, **self._extras(service.axes[shown["axis"]], now)} for shown in machine["axes"]],
             "faults": list(service.faults)[-FAULTS_SHOWN:],
         }
 

@@ -6,7 +6,7 @@
            --  {"strip": {"axis", "channels", "span", "points", "number"}}
            --  {"scope": {... "before", "trigger", "mode"}}     see `ScopeRequest`
            --  {"closer": {"start", "end", "points", "number"}}, {"hold": {"held"}}
-           <-  {"status": ...}  ten times a second; {"error": ...}
+           <-  {"status": ...}  ten times a second; {"error": ...}; {"waiting": {"low", "high"}} of a trigger
            <-  numbers, see `live`
 
 It reads the ring, which costs the loop nothing; a slow reader gets fewer frames, and delays nobody.
@@ -27,7 +27,7 @@ from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.limits import WORK_SHARE
 from stagectl.service.service import Service
 from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
-from stagectl.web.limits import FREE_PAUSE, HELD_OFF, LEAST_PAUSE, LONGEST_SHARE, RATE, STATUS_PERIOD
+from stagectl.web.limits import FREE_PAUSE, HELD_OFF, LEAST_PAUSE, LONGEST_SHARE, RATE, STATUS_PERIOD, WAITING
 from stagectl.web.live import ScopeView, Strip, Window
 from stagectl.web.viewer_request import DetailRequest, HoldRequest, ScopeRequest, StripRequest, read
 
@@ -42,6 +42,7 @@ class Viewer:
         self._strip: tuple[Strip, Ring, StripRequest] | None = None
         self._view: tuple[ScopeView, Source, ScopeRequest] | None = None
         self._held, self._last_status = False, 0.0
+        self._captured = 0.0  # s: the last capture, or the last word that there is none
         self._cost = 0.0  # s of work for the present frame
 
     async def hear(self, text: str) -> None:
@@ -96,14 +97,18 @@ class Viewer:
         if self._view is not None and not self._held:
             view, _, scope = self._view
             if (message := view.look(scope.number)) is not None:
+                self._captured = now
                 yield message
+            elif scope.mode != "auto" and view.waiting and now - self._captured >= WAITING:
+                self._captured = now
+                yield json.dumps({"waiting": dict(zip(("low", "high"), view.waiting, strict=True))})
         if now - self._last_status >= STATUS_PERIOD:
             self._last_status = now
             yield json.dumps({"status": self._status()})
 
     def _follow(self) -> None:
         """A new real-time process has a new ring."""
-        if self._strip is not None and self._strip[1] is not self._axis(self._strip[2].axis).ring:
+        if self._strip is not None and self._strip[1] is not self._service.axis(self._strip[2].axis).ring:
             self._strip = self._stripes(self._strip[2])
         if self._view is not None and not self._held and self._gone(self._view[1]):
             self._view = self._scope(self._view[2])
@@ -114,13 +119,8 @@ class Viewer:
         looked_at = source.rings if isinstance(source, Joined) else (source,)
         return any(ring not in rings for ring in looked_at) or (isinstance(source, Joined) and source.apart)
 
-    def _axis(self, name: str) -> AxisController:
-        if name and name not in self._service.axes:
-            raise ServiceError(f"no axis {name}; the axes are: {', '.join(self._service.axes)}")
-        return self._service.axes[name] if name else next(iter(self._service.axes.values()))
-
     def _stripes(self, p: StripRequest) -> tuple[Strip, Ring, StripRequest]:
-        axis = self._axis(p.axis)
+        axis = self._service.axis(p.axis)
         window = Window(tuple(chosen(channels(axis.setup), p.channels)), p.span, p.points)
         return Strip(axis.ring, axis.setup.dt, window), axis.ring, p
 
@@ -130,7 +130,7 @@ class Viewer:
         others = {name.partition(".")[0] for name in names if "." in name and name not in own}
         if not others:
             return axis.ring, own
-        wanted = {self._axis(name).name for name in others}
+        wanted = {self._service.axis(name).name for name in others}
         wanted |= {axis.name} if any(name in own for name in names) else set()
         axes = {name: served for name, served in self._service.axes.items() if name in wanted}  # as they are served
         dotted = side_by_side({name: served.setup for name, served in axes.items()})
@@ -138,7 +138,7 @@ class Viewer:
         return Joined([served.ring for served in axes.values()]), {**plain, **dotted}
 
     def _scope(self, p: ScopeRequest) -> tuple[ScopeView, Source, ScopeRequest]:
-        axis = self._axis(p.axis)
+        axis = self._service.axis(p.axis)
         source, known = self._field(axis, [*p.channels, *([p.trigger.channel] if p.trigger else [])])
         dt = axis.setup.dt
         longest = LONGEST_SHARE * source.capacity * dt
@@ -147,7 +147,7 @@ class Viewer:
         trigger = None
         if p.trigger is not None:
             (cause,) = chosen(known, [p.trigger.channel])
-            trigger = Trigger(cause.column, level(cause, p.trigger.level), p.trigger.edge)
+            trigger = Trigger(cause.column, level(cause, p.trigger.level), p.trigger.edge, cause.scale)
         rows = max(round(p.span / dt), 2)
         least, most = FREE_PAUSE
         pause = round(min(max(p.span, least), most) / dt)

@@ -8,23 +8,14 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from stagectl.service.axis_controller import ServiceError
-from stagectl.web.limits import (
-    AXIS_NAME,
-    CHANNEL_NAME,
-    CHANNELS_NAMED,
-    LARGEST_NUMBER,
-    LEAST_POINTS,
-    LEVEL,
-    LONGEST_SCOPE,
-    LONGEST_STRIP,
-    MOST_POINTS,
-    SHORTEST_SCOPE,
-)
+from stagectl.web import limits
 
-_Name = Annotated[str, Field(max_length=AXIS_NAME)]
-_Channels = Annotated[list[Annotated[str, Field(max_length=CHANNEL_NAME)]], Field(max_length=CHANNELS_NAMED)]
-_Points = Annotated[int, Field(ge=LEAST_POINTS, le=MOST_POINTS)]
-_Number = Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
+_Name = Annotated[str, Field(max_length=limits.AXIS_NAME)]
+_Channels = Annotated[
+    list[Annotated[str, Field(max_length=limits.CHANNEL_NAME)]], Field(max_length=limits.CHANNELS_NAMED)
+]
+_Points = Annotated[int, Field(ge=limits.LEAST_POINTS, le=limits.MOST_POINTS)]
+_Number = Annotated[int, Field(ge=0, le=limits.LARGEST_NUMBER)]
 
 
 class _Strict(BaseModel):
@@ -36,7 +27,7 @@ class StripRequest(_Strict):
 
     axis: _Name = ""
     channels: _Channels
-    span: float = Field(10.0, gt=0.0, le=LONGEST_STRIP, description="s that the viewer shows.")
+    span: float = Field(10.0, gt=0.0, le=limits.LONGEST_STRIP, description="s that the viewer shows.")
     points: _Points = 600
     number: _Number = 0  # comes back with each message
 
@@ -44,8 +35,8 @@ class StripRequest(_Strict):
 class TriggerRequest(_Strict):
     """The trigger of a scope."""
 
-    channel: Annotated[str, Field(max_length=CHANNEL_NAME)]
-    level: str = Field(max_length=LEVEL, description="With its unit: '1 um'.")
+    channel: Annotated[str, Field(max_length=limits.CHANNEL_NAME)]
+    level: str = Field(max_length=limits.LEVEL, description="With its unit: '1 um'.")
     edge: Literal["rising", "falling", "both"] = "rising"
 
 
@@ -54,7 +45,7 @@ class ScopeRequest(_Strict):
 
     axis: _Name = ""
     channels: _Channels
-    span: float = Field(1.0, ge=SHORTEST_SCOPE, le=LONGEST_SCOPE, description="s of a capture.")
+    span: float = Field(1.0, ge=limits.SHORTEST_SCOPE, le=limits.LONGEST_SCOPE, description="s of a capture.")
     before: float = Field(0.2, ge=0.0, le=1.0, description="Share of it before the trigger.")
     points: _Points = 1000
     trigger: TriggerRequest | None = None
@@ -86,10 +77,7 @@ _KINDS: dict[str, type[_Strict]] = {
 
 
 def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest:
-    """One message.
-
-    Raises ServiceError where it is none.
-    """
+    """One message.  Raises ServiceError where it is none."""
     try:
         (kind, body), *more = json.loads(text).items()
         if more or kind not in _KINDS:

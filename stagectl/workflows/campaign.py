@@ -28,6 +28,7 @@ import numpy as np
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml_of
 from stagectl.gap.logs.session import GapError
 from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.recording.metadata import portable
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
 from stagectl.workflows.motion import Say, perform, prepare, reseeded
@@ -208,11 +209,12 @@ def _motion(campaign: Campaign, run: Run, begun: float) -> Motion:
 
 
 def _campaign(campaign: Campaign) -> dict[str, Any]:
-    """What runs of one session share; of a plant that is not the model the file's name and a mark of its content."""
+    """What runs of one session share; of a plant that is not the model the file's name and a mark of its parameters."""
     machine = campaign.machine
-    plant = machine.plant.path if machine.plant else None
-    mark = hashlib.sha256(plant.read_bytes()).hexdigest()[:16] if plant else ""
-    name = plant.name if plant else ""
+    plant = machine.plant
+    content = repr((portable(plant.stage), plant.file.simulation)) if plant else ""
+    mark = hashlib.sha256(content.encode()).hexdigest()[:16] if plant else ""
+    name = plant.path.name if plant else ""
     return {"simulated": machine.simulated, "plant": name, "plant_mark": mark, "seed": campaign.seed}
 
 

@@ -7,23 +7,25 @@
                         +------------------------------ the error shrank: again <------------------------+
 
 A round is kept where the rms tracking error on the unseen motions shrinks, on the machine, by more than its repeats
-vary.  At the end each effect is left out of the feedforward in turn: what the error then grows by is its worth.
+vary, and grows on none of them by more than a tenth.  Each motion counts alike, by the ratio of its errors.
+
+At the end each effect is left out of the feedforward in turn: what the error then grows by is its worth.  An effect
+without which the error is smaller is dropped from the feedforward (`control.unanswered`); the model keeps it.
 """
 
 from __future__ import annotations
 
-import math
-import shutil
+import contextlib
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from stagectl import paired_comparison
+from stagectl.config.lengths import Lengths
+from stagectl.config.machine_file import text_of
+from stagectl.config.patch import patched
+from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap import diagnose as pipeline
-from stagectl.gap.effects.library import answered
+from stagectl.gap.effects.library import EFFECTS, answered, coordinate_label, label
 from stagectl.gap.experiment_design.battery import battery, held_out
 from stagectl.gap.experiment_design.experiment import yaml_of
 from stagectl.gap.experiment_design.unseen import unseen
@@ -32,15 +34,15 @@ from stagectl.gap.logs.session import GapError
 from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.steps import in_percent
-from stagectl.number_format import length
+from stagectl.number_format import length, percent
+from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
+from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, shares, smaller
 from stagectl.workflows.layer_comparison import compare
-from stagectl.workflows.motion import Commanded, lay_out
-from stagectl.workflows.trials import Machine, Result, Shown
+from stagectl.workflows.motion import Commanded, lasting, lay_out
+from stagectl.workflows.trials import Machine, Result, Shown, ready
 
-BEFORE, AFTER = "before", "after"
 REPEATS = 3  # of each experiment and of each comparison; chosen: the least that shows how much chance varies them
-_WITHOUT = "without "
 
 
 class Closing(NamedTuple):
@@ -50,6 +52,17 @@ class Closing(NamedTuple):
     folder: Path
     rounds: int  # at most
     seed: int
+    repeats: int = REPEATS
+
+    def version(self, number: int) -> Path:
+        """The stage file after so many rounds."""
+        return self.folder / f"stage-{number}.yaml"
+
+    def setup(self, version: Path) -> Setup:
+        """A version as it runs here: on the bus of the machine, with paths from the folder of its stage file."""
+        machine = self.machine.setup
+        setup = load_stage(machine.path, text=read_text(version))
+        return setup.having(drive=setup.file.drive._replace(wire=machine.file.drive.wire))
 
 
 class Round(NamedTuple):
@@ -57,9 +70,10 @@ class Round(NamedTuple):
 
     stage: Path  # with what was found, whether or not it was kept
     found: tuple[str, ...]
+    where: str  # block of the loop and coordinate that hold most of it
     diagnosis: str  # its sentence
     foretold: float  # share of the squared gap that closes, in simulation
-    errors: dict[str, dict[str, Result]]  # by motion: `compare`'s variants by name
+    errors: Errors  # by motion: `compare`'s variants by name
     kept: bool
 
 
@@ -69,10 +83,18 @@ def close(closing: Closing, shown: Shown) -> Result:
     Raises StageError where a run is stopped or the machine cannot be diagnosed: what has been recorded is kept, and
     the same command goes on.
     """
+    closing = closing._replace(machine=closing.machine._replace(setup=lasting(closing.machine.setup)))
     closing.folder.mkdir(parents=True, exist_ok=True)
-    begun = _version(closing.folder, 0)
+    begun = closing.version(0)
     if not begun.exists():
-        shutil.copy2(closing.machine.setup.path, begun)
+        begun.write_text(text_of(closing.machine.setup.path), encoding="utf-8")
+    with ready(closing.machine, shown):  # one drive for all: a virtual one is the machine of the first model
+        rounds, ended = _rounds(closing, begun, shown)
+        return _result(closing, [done for done in rounds if done.kept], ended, shown)
+
+
+def _rounds(closing: Closing, begun: Path, shown: Shown) -> tuple[list[Round], str]:
+    """All rounds from the version `begun` on, and why they ended."""
     rounds: list[Round] = []
     ended = f"{closing.rounds} rounds were asked for"
     while len(rounds) < closing.rounds:
@@ -83,47 +105,76 @@ def close(closing: Closing, shown: Shown) -> Result:
             break
         rounds.append(outcome)
         if not outcome.kept:
-            ended = "the last model made the error no smaller on the machine: it is not kept"
+            ended = refusal(outcome.errors)
             break
-    return _result(closing, [done for done in rounds if done.kept], ended, shown)
-
-
-def _version(folder: Path, number: int) -> Path:
-    return folder / f"stage-{number}.yaml"
+    return rounds, ended
 
 
 def _round(closing: Closing, stage: Path, number: int, shown: Shown) -> Round | str:
     """One round from the model `stage`; words instead where there is nothing more to apply."""
-    setup = load_stage(stage)
+    setup = closing.setup(stage)
     place = closing.folder / f"round-{number}"
     _recorded(closing, setup, place, shown)
     found = _diagnosed(place, shown)
     if not found.named:
         return found.sentence.rstrip(".")
     try:
-        change = patch.patch_of(found, stage)
-    except patch.PatchError as error:
+        change = _patch(closing, found, stage, shown)
+    except StageError as error:
         return str(error)
     if not change.changes:
         return "the model says all of it already"
-    target = _version(closing.folder, number)
-    target.unlink(missing_ok=True)
-    patch.applied(change, target)
-    errors = _compared(closing, {BEFORE: setup, AFTER: load_stage(target)}, place / "compared", shown)
-    kept = _smaller(errors)
-    before, after = (length(_level(errors, name), setup.file.axis.travel_unit) for name in (BEFORE, AFTER))
+    target = closing.version(number)
+    target.write_text(change.after, encoding="utf-8")
+    errors = _compared(closing, {BEFORE: setup, AFTER: closing.setup(target)}, place / "compared", shown)
+    kept = not refusal(errors)
+    before, after = (length(level(errors, name), setup.file.axis.travel_unit) for name in (BEFORE, AFTER))
     shown.say(
         f"round {number}: {found.sentence}  Tracking error on unseen motions: {before} -> {after} rms"
         f"{'' if kept else '; not kept'}"
     )
     names = tuple(effect.name for effect in found.named)
-    return Round(target, names, found.sentence.rstrip("."), found.gap.closure, errors, kept)
+    return Round(target, names, _where(found), found.sentence.rstrip("."), found.gap.closure, errors, kept)
+
+
+def _patch(closing: Closing, found: DiagnosisResult, stage: Path, shown: Shown) -> patch.Patch:
+    """The patch of all that was found; of what the stage file takes, where it would be refused with all of it.
+
+    Raises StageError where it takes nothing.
+    """
+    path, text = closing.machine.setup.path, read_text(stage)
+
+    def of(names: tuple[str, ...]) -> patch.Patch:
+        change = patch.patch_of(found, path, names, text=text)
+        load_stage(path, text=change.after)
+        return change
+
+    try:
+        return of(())
+    except StageError as error:
+        refused, taken = error, tuple[str, ...]()
+    for effect in found.named:
+        with contextlib.suppress(StageError):
+            of((*taken, effect.name))
+            taken = (*taken, effect.name)
+    if not taken:
+        raise refused
+    shown.say(f"applied without the rest: {', '.join(map(label, taken))}; {refused}")
+    return of(taken)
+
+
+def _where(found: DiagnosisResult) -> str:
+    """``mechanics 71 %, over the speed 55 %``; what could not be judged is left out."""
+    shares = {name: share for name, share in found.blocks.items() if share is not None}
+    blocks = [f"{name} {percent(shares[name])}" for name in sorted(shares, key=lambda name: -shares[name])[:1]]
+    most = sorted(found.coordinates, key=lambda coordinate: -coordinate.share)[:1]
+    return ", ".join([*blocks, *(f"over the {coordinate_label(one.name)} {percent(one.share)}" for one in most)])
 
 
 def _recorded(closing: Closing, setup: Setup, place: Path, shown: Shown) -> None:
     machine = closing.machine._replace(setup=setup)
     experiments = campaigns.chosen((*battery(setup), *held_out(setup)), [], [])
-    result = campaigns.record(campaigns.planned(machine, experiments, REPEATS, place, closing.seed), shown)
+    result = campaigns.record(campaigns.planned(machine, experiments, closing.repeats, place, closing.seed), shown)
     if result["stopped"]:
         raise GapError(f"the recording was stopped: {result['stopped']}; the same command goes on")
 
@@ -138,9 +189,9 @@ def _diagnosed(place: Path, shown: Shown) -> DiagnosisResult:
 
 def _compared(
     closing: Closing, setups: dict[str, Setup], place: Path, shown: Shown, left_out: tuple[str, ...] = ()
-) -> dict[str, dict[str, Result]]:
+) -> Errors:
     """Peak and rms of each variant on each unseen motion; `left_out`: effects that the last set-up does without."""
-    errors: dict[str, dict[str, Result]] = {}
+    errors: Errors = {}
     for motion in unseen(closing.machine.setup):
         commanded = Commanded(f"{motion.name}.yaml", yaml_of(motion), motion.trajectory)
         folder = place / motion.name
@@ -148,30 +199,11 @@ def _compared(
         last = list(setups.values())[-1]
         variants = {name: lay_out(setup, commanded, frozenset(), folder / "run.h5") for name, setup in setups.items()}
         variants |= {
-            f"{_WITHOUT}{name}": lay_out(last, commanded, frozenset({name}), folder / "run.h5") for name in left_out
+            f"{WITHOUT}{name}": lay_out(last, commanded, frozenset({name}), folder / "run.h5") for name in left_out
         }
-        outcome = compare(closing.machine, variants, (REPEATS, closing.seed), shown, folder)
+        outcome = compare(closing.machine, variants, (closing.repeats, closing.seed), shown, folder)
         errors[motion.name] = {variant["name"]: variant for variant in outcome["variants"]}
     return errors
-
-
-def _smaller(errors: dict[str, dict[str, Result]]) -> bool:
-    """Whether the error after is smaller, by more than the repeats vary where they vary."""
-    figures = [paired_comparison.Figures(name, *2 * (_each(errors, name),)) for name in (BEFORE, AFTER)]
-    (change,) = paired_comparison.differences(figures, figures[0], "rms")
-    return change.mean > 0.0 and (change.certain or math.isnan(change.adjusted))
-
-
-def _each(errors: dict[str, dict[str, Result]], variant: str) -> NDArray[np.float64]:
-    """Root of the mean square tracking error (m | rad) over all motions, of each repeat."""
-    rms = np.array([motion[variant]["rms"]["values"] for motion in errors.values()])
-    each: NDArray[np.float64] = np.sqrt(np.mean(rms**2, axis=0))
-    return each
-
-
-def _level(errors: dict[str, dict[str, Result]], variant: str) -> float:
-    """The same over all repeats."""
-    return float(np.sqrt(np.mean(_each(errors, variant) ** 2)))
 
 
 def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> Result:
@@ -185,22 +217,49 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
         "simulated": closing.machine.simulated,
         "errors": {},
         "shares": {},
-        "model": str(rounds[-1].stage if rounds else _version(closing.folder, 0)),
+        "dropped": [],
+        "model": str(rounds[-1].stage if rounds else closing.version(0)),
     }
     if not rounds:
         return answer
-    final = load_stage(rounds[-1].stage)
     effects = tuple(dict.fromkeys(name for done in rounds for name in done.found if name in answered()))
-    setups = {BEFORE: load_stage(_version(closing.folder, 0)), AFTER: final}
-    errors = _compared(closing, setups, closing.folder / "judged", shown, effects)
-    levels = {name: _level(errors, name) for name in next(iter(errors.values()))}
-    return {**answer, "errors": errors, "shares": _shares(levels, effects), "levels": levels}
+    errors = _judged(closing, rounds[-1].stage, "judged", shown, effects)
+    if dropped := [name for name in effects if smaller(errors, AFTER, f"{WITHOUT}{name}")]:
+        model = _unanswered(closing, rounds[-1].stage, dropped)
+        shown.say(f"left to the feedback, as the error is smaller without it: {', '.join(map(label, dropped))}")
+        effects = tuple(name for name in effects if name not in dropped)
+        errors = _judged(closing, model, "judged-again", shown, effects)
+        answer |= {"dropped": dropped, "model": str(model)}
+    levels = {name: level(errors, name) for name in next(iter(errors.values()))}
+    foretold = _foretold(closing, Path(answer["model"]), shown)
+    return {
+        **answer,
+        "errors": errors,
+        "shares": shares(levels, effects),
+        "levels": levels,
+        "foretold": foretold,
+    }
 
 
-def _shares(levels: dict[str, float], effects: tuple[str, ...]) -> dict[str, float]:
-    """What the squared error grows by without each effect, over what all that was found takes from it."""
-    after = levels[AFTER] ** 2
-    gained = levels[BEFORE] ** 2 - after
-    if gained <= 0.0:
-        return {}
-    return {name: (levels[f"{_WITHOUT}{name}"] ** 2 - after) / gained for name in effects}
+def _foretold(closing: Closing, model: Path, shown: Shown) -> dict[str, float]:
+    """The errors before and after on the same motions, simulated on the last `model`, with the noise of its file."""
+    simulated = closing._replace(machine=Machine(closing.machine.setup, True, closing.setup(model)))
+    errors = _judged(simulated, model, "foretold", shown, ())
+    return {name: level(errors, name) for name in (BEFORE, AFTER)}
+
+
+def _judged(closing: Closing, model: Path, place: str, shown: Shown, effects: tuple[str, ...]) -> Errors:
+    """The last `model` against the first one, and against itself without each effect."""
+    setups = {BEFORE: closing.setup(closing.version(0)), AFTER: closing.setup(model)}
+    return _compared(closing, setups, closing.folder / place, shown, effects)
+
+
+def _unanswered(closing: Closing, model: Path, dropped: list[str]) -> Path:
+    """A version whose feedforward leaves out what these effects change."""
+    setup = closing.setup(model)
+    places = (*setup.file.control.unanswered, *(place for name in dropped for place in EFFECTS[name].places))
+    axis = setup.file.axis
+    change = patched(setup.text, {"control.unanswered": list(dict.fromkeys(places))}, Lengths(axis.kind, axis.lead))
+    target = model.with_name(f"{model.stem}-dropped.yaml")
+    target.write_text(change.text, encoding="utf-8")
+    return target

@@ -20,6 +20,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.design import Layer
 from stagectl.recording.learned_current import Learned, LearnedError, check, load, save
 from stagectl.service.single_motion import Motion, Progress
+from stagectl.typed_json import plain
 from stagectl.workflows.motion import Commanded, blank, lay_out, with_current
 from stagectl.workflows.trials import Machine, Result, Shown, TrialError, after, learn, learned_words, ready, run_once
 
@@ -177,12 +178,8 @@ def _against(figures: list[paired_comparison.Figures], other: paired_comparison.
     differences: Result = {"other": other.name}
     for measure in ("peak", "rms"):
         rows = paired_comparison.differences(figures, other, measure)
-        differences[measure] = [{**_finite(row._asdict()), "certain": row.certain} for row in rows]
+        differences[measure] = [{**plain(row), "certain": row.certain} for row in rows]
     return differences
-
-
-def _finite(values: dict[str, Any]) -> dict[str, Any]:
-    return {key: None if value != value else value for key, value in values.items()}
 
 
 def course_words(courses: list[Result]) -> list[str]:

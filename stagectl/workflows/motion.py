@@ -7,7 +7,7 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from stagectl.drives.drive import Canopen, DriveError, accepted
 from stagectl.evaluation import evaluate
 from stagectl.gap.effects.library import left_out
 from stagectl.kernels.law import Setpoint
-from stagectl.plan import plan
+from stagectl.plan import Plan, Start, plan
 from stagectl.recording.file_lock import sweep
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair
 from stagectl.recording.learned_current import Learned, check, load, nothing
@@ -31,9 +31,6 @@ from stagectl.recording.metadata import describe
 from stagectl.service.single_motion import Ended, Motion, Progress, move
 from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
 from stagectl.trajectories import Experiment
-
-if TYPE_CHECKING:
-    pass
 
 Say = Callable[[str], object]
 
@@ -58,8 +55,21 @@ def on_channel(setup: Setup, channel: str | None) -> Setup:
     """The same stage on another channel of its bus."""
     if channel is None:
         return setup
-    drive = setup.file.drive._replace(wire=canopen(setup)._replace(channel=channel))
-    return setup._replace(file=setup.file._replace(drive=drive))
+    canopen(setup)
+    return setup.with_wire(channel=channel)
+
+
+def lasting(setup: Setup) -> Setup:
+    """The same stage, whose virtual machine is not made anew for each run: it stays where it is, its noise goes on."""
+    wire = setup.file.drive.wire
+    if not isinstance(wire, Canopen) or wire.interface != "embedded":
+        return setup
+    return setup.with_wire(reset="none")
+
+
+def with_machine_of_the_day(setup: Setup, seed: int) -> Setup:
+    """The same stage, whose virtual drive is a machine drawn with this `seed`."""
+    return setup.having(virtual_drive=setup.file.virtual_drive._replace(machine_of_the_day=seed))
 
 
 class Commanded(NamedTuple):
@@ -91,17 +101,21 @@ def lay_out(
     effects = without - frozenset(get_args(Layer))
     known = setup._replace(stage=left_out(setup.stage, effects)) if effects else setup
     laid_out = plan(known, commanded.experiment, controller.feedforward)
+
+    def located(position: float) -> Plan:
+        return plan(known, commanded.experiment, controller.feedforward, Start(position))
+
     layers = sorted(frozenset(setup.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)
     meta = {**about, "without": sorted(without), "layers": layers}
-    motion = Motion(setup, laid_out, controller.law, meta, recording or unused(Path(commanded.name).stem, ".h5"))
+    place = recording or unused(Path(commanded.name).stem, ".h5")
+    motion = Motion(setup, laid_out, controller.law, meta, place, located=located if laid_out.effects else None)
     return motion if learned is None else _with_learned(motion, learned)
 
 
 def reseeded(setup: Setup, seed: int) -> Setup:
     """The same stage with other noise, where it is simulated."""
-    simulation = setup.file.simulation._replace(seed=seed % 2**31)
-    return setup._replace(file=setup.file._replace(simulation=simulation))
+    return setup.having(simulation=setup.file.simulation._replace(seed=seed % 2**31))
 
 
 def _with_learned(motion: Motion, path: Path) -> Motion:
@@ -190,27 +204,11 @@ def _conditions(ended: Ended) -> list[str]:
     return words
 
 
-@contextlib.contextmanager
-def drive_present(setup: Setup, say: Say) -> Iterator[None]:
+def drive_present(setup: Setup, say: Say) -> contextlib.AbstractContextManager[None]:
     """Make sure that the embedded bus has a drive: a virtual one where none answers."""
     from stagectl.service import virtual_drive  # a node with its object dictionary, which a simulation need not load
 
-    wire = setup.file.drive.wire
-    if not isinstance(wire, Canopen) or not virtual_drive.wanted(wire):
-        yield
-        return
-    if setup.text:
-        raise DriveError(
-            f"the virtual drive reads its stage from a file, and this version of {setup.path} is in memory only: "
-            "save it first, `stage = stage.save('my-stage.yaml')`"
-        )
-    say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
-    process = virtual_drive.start(setup.path, wire.channel, setup.file.simulation.seed)
-    try:
-        yield
-    finally:
-        process.terminate()
-        process.wait()
+    return virtual_drive.present(setup, say)
 
 
 @contextlib.contextmanager

@@ -29,15 +29,29 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         target.ask("POST", "recordings", name="prey", before=0.0, seconds=3600.0)
         time.sleep(1.0)
         target.ask("POST", "recordings/end")
+        assert within(300.0, lambda: planners(target) == [True]), "the compiled planner has not taken over"
         yield target
 
 
-def children(machine: Served) -> list[str]:
-    """Command lines of the service's processes, without what makes them differ from start to start."""
+def _processes(machine: Served) -> Iterator[tuple[Path, str]]:
+    """Those of the service in /proc, with the modules that they run."""
     assert machine.process is not None
     (listed,) = Path(f"/proc/{machine.process.pid}/task/{machine.process.pid}").glob("children")
-    lines = [Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0") for child in listed.read_text().split()]
-    return sorted(line[3].decode() for line in lines if len(line) > 3)
+    for child in listed.read_text().split():
+        line = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+        if len(line) > 3:
+            yield Path("/proc", child), line[3].decode()
+
+
+def planners(machine: Served) -> list[bool]:
+    """Of each process that plans, whether its kernels are compiled."""
+    there = [place for place, module in _processes(machine) if module == "stagectl.service.planning_process"]
+    return [b"STAGECTL_KERNELS=compiled" in (place / "environ").read_bytes() for place in there]
+
+
+def children(machine: Served) -> list[str]:
+    """The service's processes by their modules, which do not differ from start to start."""
+    return sorted(module for _, module in _processes(machine))
 
 
 def left_behind(machine: Served) -> list[Path]:
@@ -126,11 +140,11 @@ def test_a_loop_that_does_not_answer_is_shown_as_such(machine: Served) -> None:
 
 
 def test_a_black_box_waits_for_room_on_the_disk(machine: Served) -> None:
-    """Its process may write no file of a megabyte: as on a disk that is full."""
+    """Its process may write no file of 64 KiB, and a packed box is larger: as on a disk that is full."""
     box = machine.child("stagectl.service.black_box")
     before, boxes = len(machine.faults()), machine.boxes()
     _, most = resource.prlimit(box, resource.RLIMIT_FSIZE)
-    resource.prlimit(box, resource.RLIMIT_FSIZE, (1 << 20, most))
+    resource.prlimit(box, resource.RLIMIT_FSIZE, (1 << 16, most))
     if machine.axis()["state"] == "fault":
         machine.ask("POST", "faults/reset")
     on_the_way(machine)

@@ -182,7 +182,7 @@ def test_over_the_bus_each_run_has_its_seed_and_its_time(command: Command, monke
 def test_a_virtual_drive_is_told_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     numbers = list[int]()
 
-    def started(_: Path, __: str, seed: int) -> None:
+    def started(_: Path, __: str, seed: int, ___: int) -> None:
         numbers.append(seed)
         raise DriveError("far enough")
 

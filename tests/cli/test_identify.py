@@ -96,7 +96,7 @@ def test_a_log_without_a_header(command: Command, folder: Path) -> None:
         (("identify", "least-squares", "none.yaml", "log.csv"), "none.yaml cannot be read"),
         (("identify", "least-squares", CONFIG / "emps.yaml", "log.csv"), "position in rad on an axis whose positions"),
         ((*LEAST_SQUARES, "none.csv"), "none.csv: no such file or folder"),
-        ((*LEAST_SQUARES, "none.h5"), "none.h5: no such recording"),
+        ((*LEAST_SQUARES, "none.h5"), "none.h5: no such file or folder"),
         ((*LEAST_SQUARES, "log.csv", "--delay", "2 mm"), "--delay 2 mm: 'mm' does not measure s; write a time such as"),
         ((*LEAST_SQUARES, "log.csv", "--delay", "0.2ms"), "--delay is not an option of least-squares"),
         ((*LEAST_SQUARES, "log.csv", "--seed", "3"), "--seed is not an option of least-squares"),

@@ -103,11 +103,11 @@ def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("export", "none.h5", "--to", "csv"), "none.h5: no such recording"),
+        (("export", "none.h5", "--to", "csv"), "none.h5: no such file or folder"),
         (("import", "none.csv"), "none.csv: no such file or folder"),
         (("import", STAGE), "cannot be imported"),
-        (("export", STAGE, "--to", "csv"), "is not an HDF5 file"),
-        (("identify", "least-squares", STAGE, "none.h5"), "none.h5: no such recording"),
+        (("export", STAGE, "--to", "csv"), "is a stage file, and --to csv takes recordings"),
+        (("identify", "least-squares", STAGE, "none.h5"), "none.h5: no such file or folder"),
         (("identify", "guessing", STAGE, "none.h5"), "least-squares"),
         (("export", "none.h5", "--to", "xls"), "xls"),
     ],

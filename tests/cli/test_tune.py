@@ -91,7 +91,7 @@ REFUSED = [
     (("--bandwidth", "fast"), "--bandwidth fast: not a number"),
     (("--bandwidth", "40"), "the unit is missing"),
     (("--bandwidth", "40 mm"), "does not measure Hz"),
-    (("--margin", "120deg"), "must lie in [0, 1.5] rad"),
+    (("--margin", "120deg"), "must lie in [0, 85.9] deg"),
     (("--ms", "0.9"), "must lie in (1, 100]"),
     (("--start", "own"), "--start own"),
     (("--bandwidth", "3000Hz"), "must lie in (0, 2000] Hz"),

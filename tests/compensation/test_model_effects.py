@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,6 +30,12 @@ DEFINITIONS = {effect.name: effect for effect in definitions(SCALES) if effect.n
 # Of what the drive meets at once, a current that lags can answer a part only: the load that it catches across a gap.
 # Four times the thermal rise is 1.4 times the friction, and what is left of it at a reversal grows with it.
 WITHIN = {"backlash": 3.0, "thermal_coulomb": 1.6}
+# Twice what there is, on motions that stop.  Too much current on arrival lets the axis overshoot, and the feedback
+# turns it back.  That unloads the friction: the current at rest falls from 1.53 to 1.14 A, while the next start is laid
+# out from friction that still carries its load.  Too little current leaves that load where it is.  A fade with the
+# reference's speed is no remedy, as all of Stribeck's rise lies there: without it the right value costs 200 nm on
+# arrival, not 30.  `gap close` drops what makes the error grow.
+OVERDONE = {"stribeck": 4.5, "current_ripple": 1.7}
 MANY = {"backlash", "compliance", "coulomb_asymmetry"}  # four times their typical size is no machine any more
 
 
@@ -46,6 +51,13 @@ def peak(known: Setup, machine: Setup, motion: Sine | SCurve) -> float:
     laid_out = plan(known, motion, known.controller.feedforward)
     error = simulate(known, laid_out, known.controller.law, machine)["error"]
     return float(np.abs(error).max()) * known.file.axis.travel_per_unit * 1e9
+
+
+@pytest.fixture(scope="module")
+def ball_screw(ball_screw: Setup) -> Setup:
+    """Without the band at standstill: it leaves a count or two, and this compares errors of one or two counts."""
+    control = ball_screw.file.control._replace(standstill_band=0.0)
+    return ball_screw.having(control=control)
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +78,10 @@ def test_a_known_effect_costs_no_accuracy(
 
 
 def test_every_effect_that_a_current_answers_is_tried() -> None:
-    assert set(answered()) - set(DEFINITIONS) == {"friction_step"}  # it has no size before a session is seen
+    unsized = {"friction_step", "encoder_interpolation", "gravity", "cogging_map"}  # before a log is seen
+    assert set(answered()) - set(DEFINITIONS) == unsized
     assert len(DEFINITIONS) >= 18
-    assert {effect.answer for effect in EFFECTS.values()} == {"current", "design", "none"}
+    assert {effect.answer for effect in EFFECTS.values()} == {"current", "map", "design", "none"}
 
 
 def test_the_example_of_asymmetry_and_cogging(ball_screw: Setup) -> None:
@@ -110,9 +123,40 @@ def test_one_effect_is_left_out(ball_screw: Setup) -> None:
     assert not model_effects.present(left_out(p, ["cogging", "viscous_asymmetry"]))
 
 
-def test_a_wrong_value_is_no_worse_than_none_up_to_its_double(ball_screw: Setup, tmp_path: Path) -> None:
-    effect = DEFINITIONS["cogging"]
-    machine = ball_screw._replace(stage=having(ball_screw.stage, effect, 1.0))
-    doubled = ball_screw._replace(stage=having(ball_screw.stage, effect, 1.95))
-    for motion in ("sine of 5 mm", "S-curves"):
-        assert peak(doubled, machine, MOTIONS[motion]) <= 1.05 * peak(ball_screw, machine, MOTIONS[motion])
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_a_wrong_value_is_no_worse_than_none_up_to_its_double(name: str, ball_screw: Setup) -> None:
+    effect = DEFINITIONS[name]
+    machine, doubled = (ball_screw._replace(stage=having(ball_screw.stage, effect, times)) for times in (1.0, 2.0))
+    for motion, worst in (("sine of 5 mm", 1.1), ("stop and go", OVERDONE.get(name, 1.15))):
+        none = peak(ball_screw, machine, MOTIONS[motion])
+        assert peak(doubled, machine, MOTIONS[motion]) <= worst * none, motion
+
+
+def test_an_effect_is_left_to_the_feedback(ball_screw: Setup) -> None:
+    p = having(having(ball_screw.stage, DEFINITIONS["cogging"], 1.0), DEFINITIONS["viscous_asymmetry"], 1.0)
+    control = ball_screw.file.control._replace(unanswered=("motor.cogging",))
+    left = ball_screw._replace(stage=p, file=ball_screw.file._replace(control=control))
+    ahead, motion = left.controller.feedforward, MOTIONS["sine of 5 mm"]
+    without = ball_screw._replace(stage=left_out(p, ["cogging"]))
+    assert np.array_equal(plan(left, motion, ahead).setpoints, plan(without, motion, ahead).setpoints)
+
+
+def test_the_current_against_effects_has_a_limit(ball_screw: Setup) -> None:
+    p = having(ball_screw.stage, DEFINITIONS["cogging"], 400.0)
+    machine, motion = ball_screw._replace(stage=p), MOTIONS["sine of 5 mm"]
+    ahead = machine.controller.feedforward
+    laid_out = plan(machine, motion, ahead)
+    further = laid_out.setpoints[:, 3] - plan(machine, motion, ahead._replace(with_effects=False)).setpoints[:, 3]
+    assert np.abs(further).max() == pytest.approx(0.5 * p.drive.current_limit)
+    assert 0 < laid_out.limited < len(further)
+
+
+@pytest.mark.parametrize("name", ["encoder_eccentricity"])
+def test_an_encoder_that_is_known_leaves_the_axis_where_it_should_be(name: str, ball_screw: Setup) -> None:
+    machine = ball_screw._replace(stage=having(ball_screw.stage, DEFINITIONS[name], 1.0))
+    true = []
+    for known in (ball_screw, machine):
+        laid_out = plan(known, MOTIONS["sine of 5 mm"], known.controller.feedforward)
+        rows = simulate(known, laid_out, known.controller.law, machine)[1400:]
+        true.append(float(np.ptp(rows["reference"] - rows["true_position"])))
+    assert true[1] < 0.1 * true[0]

@@ -32,6 +32,8 @@ ADDED = {
     "force_constant: 0.72 N m/A": """
   cogging: {amplitude: 20 mN m, order: 6, phase: 30 deg}
   cogging_second: {amplitude: 5 mN m, order: 12}
+  cogging_third: {amplitude: 3 mN m, order: 18}
+  cogging_fourth: {amplitude: 2 mN m, order: 24}
   ripple: {amplitude: 1 %, order: 24}
   ripple_second: {amplitude: 0.5 %, order: 48}""",
     "viscous: 0.14 N m s/rad": """
@@ -42,6 +44,7 @@ ADDED = {
   viscous_warming: {rise: 30 %, time: 10 min}
   viscous_step: {share: 10 %, at: 2 s}
   cable: {stiffness: 10 mN m/rad, centre: 10 mm, hysteresis: 0.05 N m, slip: 3 mm}
+  gravity: {amplitude: 50 mN m, phase: 90 deg}
   transmission: {load_share: 40 %, resistance: 1}
   base: {ratio: 0.05, frequency: 20 Hz, damping: 0.02}""".replace(
         "resistance: 1", "resonance: 300 Hz, damping: 3 %, backlash: 2 um, load_friction: 70 %"
@@ -64,6 +67,9 @@ ADDED = {
   dead_time: 0.7 ms
   jitter: 20 us
   offset: 20 mA
+  gain: -10 %
+  gain_asymmetry: 4 %
+  directed_offset: 30 mA
   continuous_current: 5 A
   foldback_time: 2 s
   voltage_limit: 48 V
@@ -108,6 +114,9 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
     expected = {
         "cogging": Harmonic(0.02, 6.0, math.pi / 6.0),
         "cogging_second": Harmonic(0.005, 12.0, 0.0),
+        "cogging_third": Harmonic(0.003, 18.0, 0.0),
+        "cogging_fourth": Harmonic(0.002, 24.0, 0.0),
+        "gravity": Harmonic(0.05, 1.0, math.pi / 2.0),
         "ripple": Harmonic(0.01, 24.0, 0.0),
         "ripple_second": Harmonic(0.005, 48.0, 0.0),
         "viscous_warming": Warming(0.3, 600.0),
@@ -128,6 +137,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
     numbers = {"pitch": turn, "quadratic": 1e-4, "root": 0.01, "viscous_asymmetry": 0.05, "lag": 5e-3, "load": 0.02}
     numbers |= {"asymmetry": 0.05, "dead_time": 7e-4, "jitter": 2e-5, "offset": 0.02, "continuous_current": 5.0}
     numbers |= {"foldback_time": 2.0, "voltage_limit": 48.0, "resistance": 1.1, "back_emf": 0.48}
+    numbers |= {"gain": -0.1, "gain_asymmetry": 0.04, "directed_offset": 0.03}
     assert {name: values[name] for name in numbers} == pytest.approx(numbers, rel=1e-12)
     assert tuple(p.encoder.eccentricity) == pytest.approx((30 * arcsec, 1.0, math.pi / 2.0))
     assert tuple(p.encoder.interpolation) == pytest.approx((2 * arcsec, 2048.0, 0.0))
@@ -166,7 +176,7 @@ def test_the_virtual_drive_plays_what_simulate_plays(setup: Setup) -> None:
     """Position and reported current, bit for bit, jitter and noise included."""
     simulation = setup.file.simulation._replace(current_noise=0.02, encoder_noise=1e-6)
     virtual, p = Simulated(Plant(setup.stage, simulation, setup.dt)), setup.stage
-    rows, x = noise(simulation, 60, p.drive.jitter), stage.at_rest(p)
+    rows, x = noise(simulation, 60, p.drive.jitter), stage.at_reading(p, 0.0)
     assert rows[:, 2].std() == pytest.approx(2e-5, rel=0.4)
     virtual.ask(Power.ON)
     virtual.sample()
@@ -191,7 +201,7 @@ def test_without_jitter_the_noise_is_that_of_always(setup: Setup) -> None:
 def test_nominal_loses_none_of_them(setup: Setup) -> None:
     effects, drive = nominal_yaml.effects_of(setup.file), nominal_yaml._drive(setup.file)
     given = yaml.safe_load("\n".join(f"{line.split(':')[0]}:{more}" for line, more in ADDED.items()))
-    assert set(effects["motor"]) == {"cogging", "cogging_second", "ripple", "ripple_second"}
+    assert set(effects["motor"]) == set(setup.stage.motor._fields[1:])
     assert set(effects["mechanics"]) == set(setup.stage.mechanics._fields[4:])
     assert set(effects["friction"]) == set(setup.stage.friction._fields[3:])
     assert set(effects["encoder"]) == set(given["counts_per_revolution"])

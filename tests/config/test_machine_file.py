@@ -64,6 +64,7 @@ def variant(folder: Path, old: str, new: str) -> Path:
         (AXIS, "  x: 5\n", ProblemKind.SHAPE, "axes.x"),
         (AXIS, "  x: {drive.wire.node: 500}\n", ProblemKind.RANGE, "drive.wire.node"),
         ("  x: {", "  2 x: {", ProblemKind.VALUE, "axes"),
+        ("  x: {", "  ../../x: {", ProblemKind.VALUE, "axes"),
     ],
 )
 def test_a_problem_has_its_place(tmp_path: Path, old: str, new: str, kind: ProblemKind, key: str) -> None:

@@ -38,7 +38,7 @@ def test_a_changed_stage_is_designed_anew(designs: list[design.Settings]) -> Non
     setup = load_stage(CONFIG / "ball-screw.yaml")
     assert isinstance(setup.file.control, design.Control)
     slower = setup.file.control._replace(bandwidth=20.0)
-    changed = setup._replace(file=setup.file._replace(control=slower))
+    changed = setup.having(control=slower)
     assert isinstance(changed, Setup)
     assert changed.controller.law.feedback.proportional < setup.controller.law.feedback.proportional
     assert designs == [setup.file.control, slower]

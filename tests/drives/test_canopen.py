@@ -25,7 +25,7 @@ from stagectl.drives.canopen import configuration, power_states, protection
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.canopen.drive import CanopenDrive
-from stagectl.drives.canopen.fault_texts import WHAT
+from stagectl.drives.canopen.fault_texts import FAULTS
 from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.clock import WALL
@@ -587,7 +587,7 @@ def test_the_first_fault_is_the_one_that_is_explained(bench: Workbench, bus: Tap
     assert drive.sample().fault is Fault.DRIVE_FAULT
     bus.broken = True
     assert drive.sample().fault is Fault.BUS
-    assert WHAT[Fault.DRIVE_FAULT] in drive.explain()
+    assert FAULTS[Fault.DRIVE_FAULT].words in drive.explain()
 
 
 def test_an_emergency_of_before_does_not_keep_it_from_running(

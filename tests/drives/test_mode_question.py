@@ -9,23 +9,16 @@ import pytest
 from stagectl.config.stage_file import Setup
 from stagectl.drives.canopen.operation_watch import MODE_REQUEST
 from stagectl.drives.cycle_time import has_room_for_sdo
-from stagectl.realtime.shared_memory import Order
-from stagectl.realtime.states import Event, State
-from stagectl.selftest.rig import Rig, motions
+from stagectl.realtime.states import State
+from tests.single_motion import SingleMotion
 
 PERIODS = 450  # of 0.5 ms: two questions, where they are asked
 
 
 def heard(setup: Setup, moving: bool) -> tuple[list[float], int]:
     """When SYNC reached the drive (s), and how often it was asked for its mode."""
-    laid_out = motions(setup)
-    rig = Rig(setup, laid_out)
-    loop, frames = rig.loop(), list[tuple[float, bytes]]()
-    loop.connect()
-    laid_out.board.order(Order(Event.ENABLE))
-    laid_out.board.order(laid_out.moving if moving else laid_out.holding)
-    loop.begin()
-    (axis,) = loop.axes
+    motion, frames = SingleMotion(setup, moving), list[tuple[float, bytes]]()
+    rig, loop, axis = motion.rig, motion.loop, motion.axis
     while axis.state is not State.MOVING:
         loop.period()
     drive = rig.ours._wire.ends[1]

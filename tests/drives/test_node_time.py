@@ -10,6 +10,7 @@ import pytest
 
 from stagectl.drives.bus.frames import frame
 from stagectl.drives.canopen.cia402 import DriveState
+from stagectl.drives.clock import WALL
 from stagectl.drives.virtual.node import VirtualNode
 from tests.drives.test_node import RESET, START, answers, enabled, rpdo, tpdos, write
 from tests.drives.workbench import DT, STEP, SYNC, Script, Workbench
@@ -26,6 +27,7 @@ class Timed(Script):
         self.steps: list[Any] = []
         self.now = 1000.0
         monkeypatch.setattr(time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(WALL, "now", lambda: self.now, raising=False)
 
     def receive(self, timeout: float) -> bytes | None:
         while self.steps:

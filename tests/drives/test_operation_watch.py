@@ -47,6 +47,21 @@ def test_a_bit_that_was_never_shown_is_not_demanded_unless_it_is_named() -> None
     assert fed(unwatched, 0x0437, 1000)[0] is None
 
 
+@pytest.mark.parametrize(("bits", "silent"), [(None, 0x0637), ((12,), 0x0637), ((9,), 0x1437)])
+def test_it_is_ready_as_soon_as_it_shows_all_or_after_a_while(bits: tuple[int, ...] | None, silent: int) -> None:
+    """Some take commands, and say so by bit 12, only some time after they are enabled."""
+    watch = OperationWatch(DT, bits)
+    fed(watch, silent, LEARNED // 2)
+    assert not watch.learned
+    fed(watch, GOOD, 1)
+    assert watch.learned
+    never = OperationWatch(DT, bits)
+    fed(never, silent, LEARNED - 1)
+    assert not never.learned
+    fed(never, silent, 1)
+    assert never.learned
+
+
 def test_a_good_period_costs_one_comparison() -> None:
     watch = OperationWatch(DT, None)
     fed(watch, GOOD, LEARNED)

@@ -14,16 +14,15 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.drives.bus.channel_lock import ChannelLock, OtherMasterError, holder, lock_path
 from stagectl.drives.bus.embedded import Embedded
 from stagectl.drives.bus.frames import BusError, frame
-from stagectl.drives.bus.other_masters import listen
+from stagectl.drives.bus.other_masters import ChannelLock, OtherMasterError, holder, listen, lock_path
 from stagectl.drives.drive import Canopen, DriveError, Odrive
 from tests.drives.workbench import Workbench, canopen_settings
 
 _HOLDS = """\
 import sys, time
-from stagectl.drives.bus.channel_lock import ChannelLock
+from stagectl.drives.bus.other_masters import ChannelLock
 from tests.drives.workbench import canopen_settings
 lock = ChannelLock(canopen_settings(sys.argv[1]), "bench")
 print("held", flush=True)

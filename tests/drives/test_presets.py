@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from stagectl.drives.bus.frames import EXTENDED, frame
 from stagectl.drives.canopen import presets
 from stagectl.drives.canopen.configuration import DriveConfiguration
-from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.canopen.probe import probe
 from stagectl.drives.drive import DriveError
 from tests.drives.workbench import EDS, STEP, Script, Workbench
@@ -126,8 +124,5 @@ def test_the_stop_ramp_in_the_drives_own_unit(bench: Workbench, scale: float, co
     """2 m/s^2: in encoder counts of 10 nm, or in the unit that the stage file gives."""
     node = bench.running()
     settings = bench.settings(deceleration_scale=scale)
-    network: Any = PumpedNetwork(bench.bus())
-    partner = PumpedNode(settings.node, load_eds(settings.eds, settings.node))
-    network[settings.node] = partner
-    DriveConfiguration(settings, partner, STEP).run()
+    DriveConfiguration(settings, bench.bus(), STEP).run()
     assert node.objects.number(0x6085) == counts

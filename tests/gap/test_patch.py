@@ -17,7 +17,7 @@ from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.inference.patch_fields import NoLawError, fields_of
 from stagectl.gap.result.diagnosis import UNORDERED, DiagnosisResult, Fields
-from stagectl.gap.result.patch import PatchError, applied, parts, patch_of
+from stagectl.gap.result.patch import PatchError, applied, parts, patch_of, with_choices
 from stagectl.gap.result.result_json import save
 from stagectl.kernels import effects, friction, friction_bristle
 from stagectl.kernels.stage import Stage
@@ -278,3 +278,17 @@ def test_the_verb_shows_writes_a_copy_and_does_not_write_unasked(stage: Path, tm
     assert code == 0 and '"name": "mechanics.bias"' in words and load_stage(stage).file.mechanics.bias != 0.0
     code, words = run(str(tmp_path), str(stage), "--json", "-")
     assert code == 0 and '"written": null' in words  # all of it stands there already
+
+
+def test_an_alternative_is_written_in_the_place_of_its_effect(stage: Path) -> None:
+    choices = (("backlash", (("mechanics.bias", 0.02),)),)
+    result = with_choices(found("effects", effects=(ASYMMETRY, COGGING._replace(choices=choices))), ["backlash"])
+    assert [effect.name for effect in result.effects] == [ASYMMETRY.name, "backlash"]
+    assert result.effects[1].alternatives == ("cogging", "encoder_eccentricity")
+    assert patch_of(result, stage, ["backlash"]).values == {"mechanics.bias": 0.02}
+
+
+def test_an_alternative_without_values_is_refused_by_name() -> None:
+    with pytest.raises(PatchError) as refused:
+        with_choices(found("effects", effects=(COGGING,)), ["encoder_eccentricity"])
+    assert (refused.value.place, refused.value.value) == ("--choose", "encoder_eccentricity")

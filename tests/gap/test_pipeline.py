@@ -69,12 +69,11 @@ def test_what_nothing_can_be_identified_from(logs: list[dict[str, Any]], token: 
     assert bool(reason) is bool(token) and token in reason
 
 
-def test_something_unknown_makes_the_names_less_sure_and_leaves_the_rest() -> None:
-    unsure, jitter = DWELL._replace(probability=0.3), FoundEffect("jitter", (), 0.98, 0.0, {})
+def test_effects_come_first_then_signatures_and_parameters() -> None:
+    jitter = FoundEffect("jitter", (), 0.98, 0.0, {})
     signature = DriveSignature(jitter, "drive.jitter", 1e-4)
-    conclusions = Conclusions((DWELL,), (unsure,), (INERTIA,), (signature,), None, ())
-    assert conclusions.effects(False) == [DWELL, jitter, INERTIA]
-    assert conclusions.effects(True) == [unsure, jitter, INERTIA]
+    conclusions = Conclusions((DWELL,), (INERTIA,), (signature,), None, ())
+    assert conclusions.effects == [DWELL, jitter, INERTIA]
 
 
 def test_a_wrong_controller_holds_the_whole_gap() -> None:

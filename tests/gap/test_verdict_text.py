@@ -34,7 +34,7 @@ def test_there_is_an_example_of_every_verdict() -> None:
                             "Tracking gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm."),
         ("none", "The model agrees with the machine: these logs show no missing effect and no parameter error. "
                  "Tracking gap 230 nm on held-out runs, noise floor 210 nm."),
-        ("controller", "The controller that ran is not the one described, so the blocks after it are not judged. The "
+        ("controller", "The controller that ran is not the one described, so no loop is simulated. The "
                        "integral gain looks like 0.5 of the nominal one. Correct its description, then diagnose "
                        "again."),
         ("not-identifiable", "These logs do not identify the cause of the gap: cogging or encoder eccentricity. The "
@@ -76,7 +76,8 @@ def test_what_may_be_missing_is_said_where_nothing_is_sure() -> None:
     likely = ASYMMETRY._replace(probability=0.48, alternatives=("bias",))
     words = found("none", effects=(likely,)).sentence
     assert words.startswith("No effect is certain. Viscous asymmetry or constant force on the axis: probability 0.48. ")
-    assert found("none", effects=(likely._replace(probability=0.1),)).sentence.startswith("The model agrees")
+    open_gap = found("none", effects=(likely._replace(probability=0.1),)).sentence
+    assert open_gap.startswith("No effect of the library and no parameter explains the gap")
 
 
 def test_effects_without_a_name_are_not_in_the_sentence() -> None:
@@ -171,5 +172,5 @@ def test_a_gap_that_stays_is_not_told_in_shares() -> None:
     text = verdict_text.sentence(stays)
     assert text.startswith("Missing in the model: ")
     assert "%" not in text and "closable" not in text
-    assert text.endswith("; this decrease is not significant.")
+    assert text.endswith("; the model comes no closer.")
     assert "closable gap" in verdict_text.sentence(before) and "significant" not in verdict_text.sentence(before)

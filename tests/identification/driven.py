@@ -44,7 +44,9 @@ def capture(p: stage.Stage, command: NDArray[np.float64], dt: float, how: Sensor
     current = rows[:, 1] if how.column == "measured_current" else command
     current = current + how.sensor * source.standard_normal(len(command))
     time = np.arange(len(command), dtype=np.float64) * dt
-    return Capture("driven", time, rows[:, 0].copy(), current, dt, how.column, encoder_step=p.encoder.step)
+    return Capture(
+        "driven", time, rows[:, 0].copy(), current, dt, how.column, excitation=command, encoder_step=p.encoder.step
+    )
 
 
 def sine(amplitude: float, frequency: float, duration: float, dt: float, phase: float = 0.0) -> NDArray[np.float64]:

@@ -11,10 +11,10 @@ from stagectl.identification.friction.method import _basis, _result
 from stagectl.identification.result import IdentificationResult
 
 
-def fit_member(name: str, captures: list[Capture], file: StageFile, delay: float = 0.0) -> IdentificationResult:
-    """The member `name`, with `delay` (s) between current and position."""
+def fit_member(name: str, captures: list[Capture], file: StageFile, delay: float | None = 0.0) -> IdentificationResult:
+    """The member `name`, with `delay` (s) between current and position; None: its own."""
     basis = _basis(captures, file, delay)
-    fit = fitted(name, basis.data, basis.scale)
+    fit = fitted(name, basis.data)
     result, independent = _result(fit, basis), standard_errors.independent(fit.residual)
-    summary = comparison.summary(fit, basis.force)
+    summary = comparison.summary(fit, basis)
     return result._replace(details={**result.details, **summary, "bic": comparison.bic(fit, independent)})

@@ -22,7 +22,7 @@ SLIDER = Path(__file__).parents[2] / "config" / "linear-slider.yaml"
 def slider(**control: Any) -> Setup:
     """Stage B as shipped, but for `control`."""
     setup = load_stage(SLIDER)
-    return setup._replace(file=setup.file._replace(control=setup.file.control._replace(**control)))
+    return setup.having(control=setup.file.control._replace(**control))
 
 
 def trapezoid(speed: float = 10e-3, acceleration: float = 0.1, dwell: float = 0.0) -> Trapezoid:
@@ -35,7 +35,7 @@ def recorded(
 ) -> NDArray[Any]:
     """Rows (n,) of a run without compensation, or with that of `form`; `plant` is the machine if not the model."""
     if form is not None:
-        setup = setup._replace(file=setup.file._replace(compensation=form))
+        setup = setup.having(compensation=form)
     controller = setup.controller.without(frozenset() if form else frozenset({"friction"}))
     return simulate(setup, plan(setup, experiment, controller.feedforward), controller.law, plant)
 

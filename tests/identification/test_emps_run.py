@@ -19,10 +19,11 @@ from stagectl.identification.captures import opened, prepared
 from stagectl.identification.methods import identify
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.recording.imports import read
+from tests.gap.measured import DATA
 
 CONFIG = Path(__file__).parents[2] / "config"
 STAGE = CONFIG / "emps.yaml"
-EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
+EMPS = DATA / "emps" / "DATA_EMPS.mat"
 
 
 def stagectl(*arguments: object) -> str:

@@ -15,16 +15,19 @@ from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.filtering import FilterDesign, design_filter
 from stagectl.identification.least_squares import regression
-from stagectl.identification.least_squares.method import identify, pooled
+from stagectl.identification.least_squares.method import identify
 from stagectl.identification.least_squares.model import RegressionModel
-from stagectl.identification.least_squares.regression import RegressionResult, least_squares
+from stagectl.identification.least_squares.regression import RegressionResult, filtered, least_squares
+from stagectl.identification.least_squares.regression import solved as jointly
 from stagectl.identification.resampling import parts
 from stagectl.identification.result import Topic, topics
 from stagectl.kernels import friction, friction_path
 from stagectl.trajectories import Multisine
+from tests.gap.measured import DATA
 
 Array = npt.NDArray[np.float64]
-EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
+EMPS = DATA / "emps" / "DATA_EMPS.mat"
+FILE = load_stage(Path(__file__).parents[2] / "config" / "emps.yaml").file
 DT = 1e-3  # s
 TRUE = (95.0, 203.0, 20.0, -3.0)  # kg, N s/m, N, N
 
@@ -120,7 +123,7 @@ def test_a_robots_joints_have_the_published_friction(
     joint: int, gain: float, gravity: bool, viscous: float, coulomb: float, within: float
 ) -> None:
     """S. Mamedov, S. Mikhel, Frontiers in Robotics and AI, 2020: UR10e, 93.6 Hz, stamps that vary by a sixth."""
-    path = EMPS.parents[1] / "ur10e_joints" / f"ur-20_01_22-joint_{joint}.csv"
+    path = DATA / "ur10e_joints" / f"ur-20_01_22-joint_{joint}.csv"
     if not path.exists():
         pytest.skip(f"the robot's record is not beside this repository (../shared/data/ur10e_joints/{path.name})")
     rows = np.loadtxt(path, delimiter=",")
@@ -172,8 +175,43 @@ def test_a_late_stamp_is_resampled_and_a_gap_splits() -> None:
     holed = Record(*(np.concatenate([column[:8000], column[9000:]]) for column in record))
     pieces, notes = parts(holed.time, {"position": holed.position, "force": holed.force}, frozenset({"position"}))
     assert Topic.GAPS in topics(tuple(notes)) and len(pieces) == 2
-    values, _ = pooled([least_squares(piece.columns["position"], piece.columns["force"], DT) for piece in pieces])
+    model = RegressionModel()
+    rows = [filtered(piece.columns["position"], piece.columns["force"], DT, model) for piece in pieces]
+    values, _ = jointly(rows, model).solution
     assert values == pytest.approx(TRUE, rel=2e-3)
+
+
+def one_way(direction: float) -> Capture:
+    """An axis that never reverses, on its way at one of two speeds."""
+    time = np.asarray(np.arange(20000) * 1e-3, dtype=np.float64)
+    swing = Multisine(0.05, 0.2, 4.0, base=5.0, periods=3.5).at(time)
+    ways: tuple[Array | float, ...] = (2.0 * time, 2.0, 0.0)
+    x, v, a = (np.asarray(part) + direction * np.asarray(way) for part, way in zip(swing, ways, strict=True))
+    force = np.column_stack([a, v, np.sign(v), np.ones(len(time))]) @ np.array(TRUE)
+    return Capture("one way", time, x, force / FILE.motor.force_constant, 1e-3)
+
+
+def test_two_directions_may_be_two_captures() -> None:
+    """Neither separates Coulomb friction and offset; together they do."""
+    forth, back = one_way(1.0), one_way(-1.0)
+    for alone in ([forth], [back], [forth, forth]):
+        with pytest.raises(IdentificationError) as caught:
+            identify(alone, FILE)
+        assert caught.value.reason is Refusal.ONE_DIRECTION and caught.value.capture.startswith("one way")
+    parameters = identify([forth, back], FILE).parameters
+    values = [parameters[name].value for name in ("inertia", "viscous", "coulomb", "offset")]
+    assert values == pytest.approx(TRUE, rel=2e-3)
+
+
+def test_a_noisy_capture_does_not_spoil_a_clean_one() -> None:
+    """Each counts by its residual: beside one with fifty times the noise the answer stays as good as without it."""
+    clean, noisy = (
+        filtered(record.position, record.force, DT, RegressionModel()) for record in (made(0.2, 1), made(10.0, 2))
+    )
+    alone, both = (jointly(rows, RegressionModel()) for rows in ([clean], [clean, noisy]))
+    for mine, other in zip(both[:4], alone[:4], strict=True):
+        assert mine.deviation < 1.01 * other.deviation
+        assert abs(mine.value - other.value) < other.deviation
 
 
 def test_deviations_hold_under_coloured_noise() -> None:
@@ -278,9 +316,8 @@ def test_a_capture_with_gravity_is_found_with_units() -> None:
     time = np.asarray(np.arange(20000) * 1e-3, dtype=np.float64)
     q, v, a = Multisine(1.5, 0.2, 2.0, base=5.0, periods=3.5).at(time)
     force = np.asarray(2.0 * a + 5.0 * v + 3.0 * np.sign(v) + 7.0 * np.sin(q) - 2.0 * np.cos(q), dtype=np.float64)
-    file = load_stage(Path(__file__).parents[2] / "config" / "emps.yaml").file
-    capture = Capture("joint", time, np.asarray(q, dtype=np.float64), force / file.motor.force_constant, 1e-3)
-    parameters = identify([capture], file, gravity=True).parameters
+    capture = Capture("joint", time, np.asarray(q, dtype=np.float64), force / FILE.motor.force_constant, 1e-3)
+    parameters = identify([capture], FILE, gravity=True).parameters
     assert {name: parameter.unit for name, parameter in parameters.items()} == {
         **{"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N"},
         **{"gravity_sine": "N", "gravity_cosine": "N"},

@@ -14,11 +14,9 @@ from stagectl.identification.standard_errors import (
     covariance,
     independent,
     integrated_autocorrelation,
-    long_run,
     noise,
     white,
 )
-from stagectl.identification.thresholds import LONG_RUN_ROWS
 
 ROWS = 20000
 
@@ -48,16 +46,6 @@ def test_the_noise_of_a_residual_is_separated_from_slower_parts() -> None:
     """Second differences of white noise have six times its variance; a slow wave cancels."""
     slow = 5.0 * np.sin(2.0 * math.pi * np.arange(ROWS) / 2000.0)
     assert noise(coloured(0.0) + slow) == pytest.approx(1.0, rel=0.05)
-
-
-def test_long_run_covariance_is_bartletts() -> None:
-    """The stretches' sums give Bartlett's weights term by term."""
-    scores, length = np.random.default_rng(5).standard_normal((80, 2)), LONG_RUN_ROWS
-    expected = np.zeros((2, 2))
-    for j in range(80):
-        for k in range(80):
-            expected += max(0.0, 1.0 - abs(j - k) / length) * np.outer(scores[j], scores[k])
-    assert long_run(scores) == pytest.approx(expected, rel=1e-10)
 
 
 @pytest.mark.parametrize("rho", [0.3, 0.8])

@@ -118,7 +118,7 @@ def test_a_form_over_time_does_not_transfer(stage_b: Setup, identified: Identifi
 
 
 def test_half_the_integration_step_gives_the_same_errors(stage_b: Setup, identified: IdentificationResult) -> None:
-    fine = stage_b._replace(file=stage_b.file._replace(simulation=stage_b.file.simulation._replace(substeps=20)))
+    fine = stage_b.having(simulation=stage_b.file.simulation._replace(substeps=20))
     form = form_of(identified, "displacement")
     coarse = worst(recorded(stage_b, trapezoid(), form))
     assert worst(recorded(stage_b, trapezoid(), form, fine)) == pytest.approx(coarse, abs=0.05)

@@ -21,18 +21,20 @@ TABLE = Table(effects.SINCE_REVERSAL, -0.01, 0.005, jit.table([-0.02, -0.01, 0.0
 
 def drive(p: stage.Drive) -> stage.Drive:
     limits = p._replace(continuous_current=4.0, voltage_limit=48.0, resistance=1.5, back_emf=0.7)
+    limits = limits._replace(gain=-0.1, gain_asymmetry=0.04, directed_offset=0.03)
     return limits._replace(dead_time=0.7e-3, jitter=1e-5, offset=0.02, telemetry=Reported(0.01, 0.02, 2e-4))
 
 
 def motor(p: stage.Motor) -> stage.Motor:
     cogs = p._replace(cogging=Harmonic(0.02, 6.0, 0.3), cogging_second=Harmonic(0.01, 12.0, 0.1))
+    cogs = cogs._replace(cogging_third=Harmonic(0.003, 18.0, 0.2), cogging_fourth=Harmonic(0.002, 24.0, 0.1))
     return cogs._replace(ripple=Harmonic(0.01, 24.0, 0.0), ripple_second=Harmonic(0.005, 48.0, 0.0))
 
 
 def mechanics(p: stage.Mechanics, transmission: Transmission) -> stage.Mechanics:
     curved = p._replace(quadratic=1e-4, root=0.02, viscous_asymmetry=0.05, viscous_warming=Warming(0.3, 600.0))
     beside = curved._replace(viscous_step=Step(0.1, 0.05), cable=Cable(0.01, 0.2, 0.05, 1.0), transmission=transmission)
-    return beside._replace(base=Base(0.05, 20.0, 0.02))
+    return beside._replace(base=Base(0.05, 20.0, 0.02), gravity=Harmonic(0.05, 1.0, 0.4))
 
 
 def friction(p: stage.Friction) -> stage.Friction:

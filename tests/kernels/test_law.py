@@ -42,3 +42,27 @@ def test_at_the_limit_it_integrates() -> None:
     output, after = law.step(P, remembering(1.0, 7.0, 0.0), NOTHING._replace(target=1.0), 0.0)
     assert output.command == output.current == 10.0
     assert after.feedback.integral == 8.0
+
+
+BAND = P._replace(standstill_band=0.5)
+
+
+@pytest.mark.parametrize(("error", "acted"), [(0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.75, 0.25), (-1.5, -1.0)])
+def test_at_standstill_the_feedback_sees_what_exceeds_the_band(error: float, acted: float) -> None:
+    """The recorded error is the whole one; a moving reference, or an injected current, ends the band."""
+    output, state = law.step(BAND, remembering(0.0, 7.0, 0.0), NOTHING._replace(target=error), 0.0)
+    assert output.error == error
+    assert (state.feedback.error, output.integral) == (acted, 7.0 + 0.5 * acted)
+    for setpoint in (NOTHING._replace(target=error, velocity=1.0), NOTHING._replace(target=error, injection=0.1)):
+        assert law.step(BAND, law.AT_REST, setpoint, 0.0)[0] == law.step(P, law.AT_REST, setpoint, 0.0)[0]
+
+
+def test_beginning_and_end_of_a_standstill_change_the_error_by_the_band_at_most() -> None:
+    """No jump of the current beyond that of an encoder that moves on by the band."""
+    for error in (-2.0, -0.5, -0.1, 0.3, 0.5, 4.0):
+        moving = NOTHING._replace(target=error, velocity=1.0)
+        _, before = law.step(BAND, remembering(error, 3.0, 0.0), moving, 0.0)
+        jumped, _ = law.step(BAND, before, moving._replace(velocity=0.0), 0.0)
+        going, _ = law.step(BAND, before, moving, 0.0)
+        largest = BAND.standstill_band * (PID.proportional + PID.integral + PID.derivative)
+        assert abs(jumped.command - going.command) <= largest + 1e-12

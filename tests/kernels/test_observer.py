@@ -124,7 +124,7 @@ SINE = Sine(5e-3, 1.6, 2, 1)
 def tracking(setup: Setup, *layers: design.Layer) -> Run:
     """Stage A on the paper's sine of 5 mm with these layers."""
     control = setup.file.control._replace(layers=layers)
-    return Run(setup._replace(file=setup.file._replace(control=control)), SINE)
+    return Run(setup.having(control=control), SINE)
 
 
 def test_in_place_of_the_friction_model_it_helps_a_little(ball_screw: Setup) -> None:

@@ -10,11 +10,12 @@ import pytest
 from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.frames import frame
 from stagectl.drives.bus.shared_bus import Ports
+from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Fault
 from stagectl.realtime.axes import Loop, Post
 from stagectl.realtime.shared_memory import PENDING, REFUSED, TAKEN, Order
 from stagectl.realtime.states import Event, State
-from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
+from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.machine import machine
 from stagectl.service.planning import laid_out
 from tests.conftest import CONFIG, varied
@@ -28,12 +29,13 @@ class Group:
     def __init__(self, setup: Setup, monkeypatch: pytest.MonkeyPatch, coupled: bool = True) -> None:
         self.now = 100.0
         monkeypatch.setattr(time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(WALL, "now", lambda: self.now, raising=False)
         monkeypatch.setattr(time, "sleep", self._spend)
+        monkeypatch.setattr(WALL, "sleep", self._spend, raising=False)
         setup = varied(setup, substeps=1)
         self.manned = {name: AxisController(name, setup) for name in "xy"}
         orders = tuple(controller.orders()._replace(wire=None) for controller in self.manned.values())
-        capacity = self.manned["x"].ring.capacity
-        self.loop = Loop(Post(orders, setup.dt, 0, None, len(COLUMNS), capacity, coupled))
+        self.loop = Loop(Post(orders, setup.dt, 0, None, coupled))
         for axis in self.loop.axes:
             axis.happen(Event.CONNECT)
 

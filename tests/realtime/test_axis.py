@@ -192,7 +192,7 @@ def test_an_encoder_that_lies_ends_in_coasting(
 
 
 def test_an_axis_that_leaves_its_place_while_its_brake_engages_loses_its_power(ball_screw: Setup) -> None:
-    bench = Bench(ball_screw._replace(file=ball_screw.file._replace(brake=Brake("output", 0.03, 0.5))))
+    bench = Bench(ball_screw.having(brake=Brake("output", 0.03, 0.5)))
     bench.to(State.STANDING)
     assert bench.order(Order(Event.DISABLE))
     bench.run(20)

@@ -16,7 +16,7 @@ LIMITS = (10.0, 100.0)  # rad; the drive counts from 0
 
 @pytest.fixture
 def far(ball_screw: Setup) -> Setup:
-    return ball_screw._replace(file=ball_screw.file._replace(limits=ball_screw.file.limits._replace(travel=LIMITS)))
+    return ball_screw.having(limits=ball_screw.file.limits._replace(travel=LIMITS))
 
 
 def moved(low: float, high: float) -> Order:

@@ -26,7 +26,6 @@ P = Envelope(low=-1.0, high=2.0, speed=10.0, following_error=0.1, late_limit=5)
 
 def seen(position: float, error: float = 0.0, **changes: Any) -> Observation:
     feedback = Feedback(position, changes.get("current", 0.0), 0x27, changes.get("fault", Fault.NONE))
-    feedback = feedback._replace(age=changes.get("age", 0.0))
     return Observation(
         feedback, changes.get("reference", 0.0), error, changes.get("command", 0.0), changes.get("time", DT)
     )
@@ -109,12 +108,6 @@ def test_room_to_brake(sign: float) -> None:
     assert judge(p, away, seen(sign * (0.999 - 4.0 * DT)))[0] is Fault.NONE  # towards the middle there is room
 
 
-def test_a_position_may_only_be_so_old() -> None:
-    p = P._replace(age=3 * DT)
-    assert judge(p, FRESH, seen(0.0, age=2.9 * DT))[0] is Fault.NONE
-    assert judge(p, FRESH, seen(0.0, age=3.1 * DT))[0] is Fault.STALE
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_jump_is_what_no_force_explains(sign: float) -> None:
     p = P._replace(jump=1e-3, acceleration=100.0)
@@ -171,7 +164,7 @@ def test_the_stage_files_envelope(ball_screw: Setup) -> None:
     assert acceleration(ball_screw.stage) == pytest.approx((15.0 * 0.72 + 1.0) / 0.010)
     assert p.deceleration == braking(ball_screw) == pytest.approx((15.0 * 0.72 + 1.0) / 0.010)  # less than the ramp
     ramped = limits._replace(following_error_at_rest=0.25 * limits.following_error, deceleration=7.0)
-    other = envelope(ball_screw._replace(file=ball_screw.file._replace(limits=ramped)))
+    other = envelope(ball_screw.having(limits=ramped))
     assert other.following_error + other.error_ramp * limits.speed == pytest.approx(limits.following_error)
     assert other.deceleration == 7.0
 

@@ -16,6 +16,7 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import NO_BRAKE
 from stagectl.drives.canopen import drive as canopen_drive
+from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import rollout
@@ -43,7 +44,9 @@ class Clock:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
         monkeypatch.setattr(time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(WALL, "now", lambda: self.now, raising=False)
         monkeypatch.setattr(time, "sleep", self.spend)
+        monkeypatch.setattr(WALL, "sleep", self.spend, raising=False)
 
     def spend(self, seconds: float) -> None:
         self.now += seconds
@@ -362,7 +365,8 @@ def test_a_motion_is_told_step_by_step(ball_screw: Setup, monkeypatch: pytest.Mo
     drive = Scripted(ball_screw, {}, clock)
     events, _, ring, prepared = performed(ball_screw, monkeypatch, drive, priority=42, cpu=1)
     assert [event["event"] for event in events] == ["ready", "ended"]
-    assert events[0] == {"event": "ready", "refused": ["no real time"], "drive": drive.describe()}
+    ready = {"event": "ready", "refused": ["no real time"], "drive": drive.describe(), "position": 0.0}
+    assert events[0] == ready
     assert events[1] == {
         **{"event": "ended", "cycles": ring.written, "late": 0, "fault": 0, "words": "", "reason": ""},
     }

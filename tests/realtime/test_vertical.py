@@ -8,10 +8,10 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import Brake
-from stagectl.drives.drive import Canopen, StartUp
-from stagectl.realtime.shared_memory import Order
+from stagectl.drives.drive import StartUp
 from stagectl.realtime.states import Event, State
-from stagectl.selftest.rig import Rig, RigLoop, motions, usual
+from stagectl.selftest.rig import usual
+from tests.single_motion import SingleMotion
 
 DROP = 0.1e-3  # m
 WEIGHT = -2.0  # N m, more than the friction carries
@@ -28,19 +28,12 @@ def upright(ball_screw: Setup) -> Setup:
     )
 
 
-class Bench:
+class Bench(SingleMotion):
     """The loop of a single motion against the virtual drive, in virtual time."""
 
     def __init__(self, setup: Setup, moving: bool) -> None:
         pace = usual(setup)
-        laid_out = motions(setup, pace._replace(acceleration=0.2 * pace.acceleration))  # the weight takes its share
-        self.rig = Rig(setup, laid_out)
-        self.loop: RigLoop = self.rig.loop()
-        self.loop.connect()
-        laid_out.board.order(Order(Event.ENABLE))
-        laid_out.board.order(laid_out.moving if moving else laid_out.holding)
-        self.loop.begin()
-        (self.axis,) = self.loop.axes
+        super().__init__(setup, moving, pace._replace(acceleration=0.2 * pace.acceleration))  # the weight has its share
 
     def run(self, over: Callable[[], bool], most: int = 20_000) -> None:
         for _ in range(most):
@@ -112,7 +105,7 @@ def test_torque_comes_before_release_and_release_before_motion(upright: Setup) -
 
 def test_without_its_brake_it_would_drop(upright: Setup) -> None:
     """Or else the tests above show nothing."""
-    bench = Bench(upright._replace(file=upright.file._replace(brake=Brake())), False)
+    bench = Bench(upright.having(brake=Brake()), False)
     bench.to_motion()
     since = len(bench.rig.trace)
     bench.axis.happen(Event.QUICK_STOP)
@@ -130,11 +123,8 @@ def let_go(bench: Bench) -> None:
 @pytest.mark.parametrize(("end", "power"), [(let_go, True), (switched_off, False)])
 def test_a_brake_on_an_output_holds(upright: Setup, end: Callable[[Bench], None], power: bool, moving: bool) -> None:
     """The drive has no brake of its own: we set it by 0x60FE; where we die, the drive holds under power (0x605A)."""
-    file = upright.file
-    assert isinstance(file.drive.wire, Canopen)
-    wire = file.drive.wire._replace(start_up=(StartUp(0x605A00, 6),))
-    drive = file.drive._replace(wire=wire)
-    bench = Bench(upright._replace(file=file._replace(brake=Brake("output", 0.03, ENGAGE), drive=drive)), moving)
+    holding = upright.with_wire(start_up=(StartUp(0x605A00, 6),))
+    bench = Bench(holding.having(brake=Brake("output", 0.03, ENGAGE)), moving)
     assert not bench.rig.node.axis.brake.free
     bench.to_motion()
     assert bench.rig.node.axis.brake.free

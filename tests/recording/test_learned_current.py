@@ -46,7 +46,7 @@ def changed(setup: Setup, **changes: Any) -> Setup:
     body = setup.stage.mechanics
     if "inertia" in changes:
         return setup._replace(stage=setup.stage._replace(mechanics=body._replace(inertia=changes["inertia"])))
-    return setup._replace(file=setup.file._replace(control=setup.file.control._replace(**changes)))
+    return setup.having(control=setup.file.control._replace(**changes))
 
 
 def refused(setup: Setup, path: Path, words: str, trajectory: Path = SINE, without: frozenset[str] = NOTHING) -> None:
@@ -101,9 +101,7 @@ def test_files_that_are_none(ball_screw: Setup, tmp_path: Path) -> None:
 def test_a_folder_holds_the_learned_current_and_the_observer(ball_screw: Setup, tmp_path: Path) -> None:
     """The added current stands in a file of its own, which captures.yaml names; the observer in nominal.yaml."""
     control = ball_screw.file.control._replace(layers=("ptc", "observer"))
-    motion = prepare(
-        ball_screw._replace(file=ball_screw.file._replace(control=control)), SINE, NOTHING, tmp_path / "r.h5"
-    )
+    motion = prepare(ball_screw.having(control=control), SINE, NOTHING, tmp_path / "r.h5")
     pretend(with_current(motion, np.full(len(motion.plan.setpoints), 0.1)))
     folder = export([open_recording(tmp_path / "r.h5")], "folder", tmp_path / "there")[0].path
     (capture,) = yaml.safe_load((folder / "captures.yaml").read_text())["captures"]

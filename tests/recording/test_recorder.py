@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
+import random
 import resource
 import signal
 import subprocess
@@ -32,7 +33,7 @@ META = {"created": "2026-01-01T00:00:00+0000", "axis": {"kind": "rotary"}, "name
 class Session:
     """A ring, and a recorder process that empties it."""
 
-    def __init__(self, path: Path, capacity: int = 4096, stderr: int | None = None, script: str = "") -> None:
+    def __init__(self, path: Path, capacity: int = 8 * BLOCK, stderr: int | None = None, script: str = "") -> None:
         self.path, self.ring, self.heard = path, Ring.create(len(COLUMNS), capacity), ""
         read, self.alive = os.pipe()
         self.process = subprocess.Popen(
@@ -44,7 +45,7 @@ class Session:
             env={**os.environ, "STAGECTL_KERNELS": "interpreted"},
         )
         os.close(read)
-        order = Order(self.ring.descriptor, len(COLUMNS), capacity, read, str(path), META, COLUMNS)
+        order = Order(self.ring.place, read, str(path), META, COLUMNS)
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         pickle.dump(order, self.process.stdin)
@@ -67,10 +68,11 @@ class Session:
         """Whether the recorder sleeps until its next look at the ring; a busy one, or one without a core, runs."""
         return Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()[0] == "S"
 
-    def write(self, count: int) -> None:
-        start = self.ring.written
+    def write(self, count: int, seed: int | None = None) -> None:
+        """Rows that count up; with a `seed` their last column is noise, which does not pack."""
+        start, draw = self.ring.written, random.Random(seed)
         for k in range(start, start + count):
-            self.ring.write((5e-4 * k, float(k), -float(k)))
+            self.ring.write((5e-4 * k, float(k), -float(k) if seed is None else draw.random()))
 
     def end(self) -> int:
         _, said = self.process.communicate(timeout=60)
@@ -172,14 +174,14 @@ def test_no_room_at_the_end_is_room_enough_to_say_so(tmp_path: Path, blocks: int
 
 
 def test_a_real_file_system_that_is_full(tmp_path: Path) -> None:
-    """As above, on one of 100 KiB; there must be somebody who may mount it."""
+    """As above, on one of 40 KiB; there must be somebody who may mount it."""
     place = tmp_path / "small"
     place.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=100k", "none", place], capture_output=True).returncode:
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=40k", "none", place], capture_output=True).returncode:
         pytest.skip("mounting a file system is not allowed here")
     try:
         session = Session(place / "a.h5", stderr=subprocess.PIPE)
-        session.write(8 * BLOCK)
+        session.write(8 * BLOCK, seed=1)
         session.ring.close()
         assert session.end() == 0
         os.close(session.alive)
@@ -202,9 +204,9 @@ import os, sys
 from stagectl.recording import hdf5, recorder
 class Failing(hdf5.Writer):
     def append(self, rows):
-        if self._samples.shape[0] >= 1024 and MODE == "reserved":
+        if self._packer.samples.shape[0] >= 2 * recorder.BLOCK and MODE == "reserved":
             self._reserve = lambda more: None  # the room was there, the writing fails
-        if self._samples.shape[0] >= 1024:
+        if self._packer.samples.shape[0] >= 2 * recorder.BLOCK:
             reading = os.open(self.path, os.O_RDONLY)
             for one in os.listdir("/proc/self/fd"):
                 if int(one) != reading and os.path.realpath(f"/proc/self/fd/{one}") == str(self.path):
@@ -223,7 +225,8 @@ def test_a_disk_that_fails_costs_the_rest_and_no_more(tmp_path: Path, mode: str)
     assert session.end() == 2
     os.close(session.alive)
     assert "Bad file descriptor" in session.heard, session.heard
-    assert "rows are lost from row 1024 on" in session.heard and "2048 of 3072 rows are lost" in session.heard
+    assert f"rows are lost from row {2 * BLOCK} on" in session.heard
+    assert f"{4 * BLOCK} of {6 * BLOCK} rows are lost" in session.heard
     recording = open_recording(session.path)
     assert not recording.complete and "cut off" in recording.ended
     assert np.array_equal(recording.column("reference"), np.arange(2.0 * BLOCK))

@@ -7,8 +7,8 @@ import pytest
 from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
 from stagectl.drives.bus.virtual_time import End, Timeline, Wire
-from stagectl.drives.drive import Canopen
 from stagectl.drives.virtual.node import VirtualNode
+from stagectl.realtime.states import State
 from stagectl.selftest import remote
 from stagectl.selftest.matrix import Outcome, matrix
 from stagectl.selftest.remote import Gentle
@@ -22,10 +22,8 @@ GENTLE = Gentle(4.0, 5.0)  # A, rad: 9.5 mm
 def machine(slow_screw: Setup) -> tuple[Setup, VirtualNode, End, Timeline]:
     """A setup whose plant is coarse, the node that the self-test must not know, our end, and its time."""
     simulation = slow_screw.file.simulation._replace(substeps=2)
-    setup = slow_screw._replace(file=slow_screw.file._replace(simulation=simulation))
-    time, wire = Timeline(), setup.file.drive.wire
-    assert isinstance(wire, Canopen)
-    setup = setup._replace(file=setup.file._replace(drive=setup.file.drive._replace(wire=wire._replace(reset="none"))))
+    setup = slow_screw.having(simulation=simulation)
+    time, wire, setup = Timeline(), setup.canopen, setup.with_wire(reset="none")
     ours, theirs = Wire(time, wire.bitrate).ends
     node = virtual_node(setup, wire, theirs, lambda _: None, time)
     theirs.woken_by(node.turn)
@@ -34,7 +32,7 @@ def machine(slow_screw: Setup) -> tuple[Setup, VirtualNode, End, Timeline]:
     return setup, node, ours, time
 
 
-def tried(machine: tuple[Setup, VirtualNode, End, Timeline], *names: str, states: tuple[str, ...]) -> list[Outcome]:
+def tried(machine: tuple[Setup, VirtualNode, End, Timeline], *names: str, states: tuple[State, ...]) -> list[Outcome]:
     setup, node, ours, time = machine
     bench = remote.real(setup, GENTLE, frozenset(names), ours, time)
     largest = [0.0]
@@ -51,7 +49,7 @@ def tried(machine: tuple[Setup, VirtualNode, End, Timeline], *names: str, states
 
 
 def test_a_moving_axis_stops_as_the_table_says(machine: tuple[Setup, VirtualNode, End, Timeline]) -> None:
-    cases = tried(machine, "cable-out", "node-stuck", "controller-dead", states=("moving",))
+    cases = tried(machine, "cable-out", "node-stuck", "controller-dead", states=(State.MOVING,))
     assert [case.words for case in cases] == ["", "", ""]
     by_name = {case.name: case for case in cases}
     assert by_name["cable-out"].reason == "FEEDBACK_LOST"
@@ -68,7 +66,7 @@ def test_a_moving_axis_stops_as_the_table_says(machine: tuple[Setup, VirtualNode
 
 
 def test_other_states_and_a_motion_that_goes_on(machine: tuple[Setup, VirtualNode, End, Timeline]) -> None:
-    cases = tried(machine, "frames-duplicated", states=("holding", "moving", "stopping"))
+    cases = tried(machine, "frames-duplicated", states=(State.STANDING, State.MOVING, State.QUICK_STOPPING))
     assert [case.passed for case in cases] == [True] * 3
     assert [case.stop_time is None for case in cases] == [True, True, False]
 

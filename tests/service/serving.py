@@ -77,7 +77,8 @@ class Served:
         words = [sys.executable, "-m", "stagectl", "serve", *self.stages, "--socket", str(self.socket)]
         return [*words, "--state", str(self.folder / "state"), "--channel", str(self.folder / "bus"), *self.arguments]
 
-    def start(self) -> None:
+    def start(self, woken: Callable[[], object] = lambda: None) -> None:
+        """Start the service; `woken` is called until it answers."""
         self.temporary.mkdir(exist_ok=True)
         surroundings = {**os.environ, "TMPDIR": str(self.temporary)}
         with (self.folder / "log").open("a") as log:
@@ -87,6 +88,7 @@ class Served:
         end = time.monotonic() + 300.0  # the machine is shared
         while time.monotonic() < end:
             with contextlib.suppress(Exception):
+                woken()
                 self.axis()
                 return
             assert self.process.poll() is None, self.log
@@ -148,11 +150,11 @@ class Served:
     def boxes(self) -> list[Path]:
         return sorted((self.folder / "state" / "blackbox").rglob("*.h5"))
 
-    def begin_moving(self) -> None:
+    def begin_moving(self, speed: str = "5 mm/s") -> None:
         self.ask("POST", "enable")
         if not self.ask("GET", "status")["axes"][0]["homed"]:  # its drive was reset by an earlier test
             self.ask("POST", "home")
-        self.ask("POST", "move", by={"axis": "20 mm"}, speed="5 mm/s", wait=False)
+        self.ask("POST", "move", by={"axis": "20 mm"}, speed=speed, wait=False)
         self.until(lambda axis: axis["state"] == "moving" and axis["progress"] > 0.1)
 
     def drive_says(self, seconds: float = 300.0) -> str:

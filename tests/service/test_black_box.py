@@ -50,9 +50,7 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     alive, _ = os.pipe()
     board = axis.board.descriptor
     meta = about(axis, "black box")
-    p = BlackBoxOrder(
-        axis.ring.descriptor, axis.ring.width, axis.ring.capacity, board, alive, str(folder), meta, COLUMNS, 5e-4
-    )
+    p = BlackBoxOrder(axis.ring.place, board, alive, str(folder), meta, COLUMNS, 5e-4)
     watcher, fault = Watcher(p), len(rows) - round(AFTER / p.dt) // 10
     for row in rows[:fault].tolist():
         axis.ring.write((STARTED + row[0], *row[1:], float(State.MOVING)))
@@ -71,7 +69,7 @@ def test_a_fault_while_it_starts_is_kept(tmp_path: Path) -> None:
     """The process takes a second to be there; the one before it was killed, and now the service dies, too."""
     axis = AxisController("axis", load_stage(CONFIG / "ball-screw.yaml"))
     alive, _ = os.pipe()
-    shared = (axis.ring.descriptor, axis.ring.width, axis.ring.capacity, axis.board.descriptor, alive)
+    shared = (axis.ring.place, axis.board.descriptor, alive)
     axis.board.show(Status(state=float(State.FAULT), fault=float(Fault.JUMP), faults=3.0))
     axis.ring.write((0.0,) * len(COLUMNS))
     p = BlackBoxOrder(*shared, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt, faults=2)
@@ -83,14 +81,16 @@ def test_a_fault_while_it_starts_is_kept(tmp_path: Path) -> None:
 def test_it_outlives_a_service_that_it_has_not_answered_yet(tmp_path: Path) -> None:
     axis = AxisController("axis", load_stage(CONFIG / "ball-screw.yaml"))
     (alive, loop), (nobody, answer) = os.pipe(), os.pipe()
-    shared = (axis.ring.descriptor, axis.ring.width, axis.ring.capacity, axis.board.descriptor, alive)
+    shared = (axis.ring.place, axis.board.descriptor, alive)
     axis.board.show(Status(state=float(State.FAULT), fault=float(Fault.JUMP), faults=3.0))
     axis.ring.write((0.0,) * len(COLUMNS))
     p = BlackBoxOrder(*shared, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt, faults=2)
     for end in (nobody, loop):
         os.close(end)
     words = [sys.executable, "-m", "stagectl.service.black_box"]
-    done = subprocess.run(words, input=pickle.dumps(p), stdout=answer, pass_fds=shared[:1] + shared[3:], timeout=300)
+    done = subprocess.run(
+        words, input=pickle.dumps(p), stdout=answer, pass_fds=(axis.ring.descriptor, *shared[1:]), timeout=300
+    )
     os.close(answer)
     assert done.returncode == 0
     (kept,) = tmp_path.glob("*.h5")

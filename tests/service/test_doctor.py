@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from stagectl.config.stage_blocks import Retention
 from stagectl.config.stage_file import Setup
-from stagectl.drives.drive import Canopen
 from stagectl.service import doctor
 from stagectl.service.doctor import Check, examine
 from tests.conftest import CONFIG, Command
@@ -30,7 +30,7 @@ def test_the_machine_by_its_files(ball_screw: Setup, tmp_path: Path, monkeypatch
     cases: list[tuple[int | None, bool]] = [(3, True), (7, True), (1, False), (None, False)]
     for pinned, good in cases:
         realtime = ball_screw.file.realtime._replace(cpu=pinned)
-        checks = found(ball_screw._replace(file=ball_screw.file._replace(realtime=realtime)), tmp_path)
+        checks = found(ball_screw.having(realtime=realtime), tmp_path)
         assert checks["CPU"].good is good
     assert not checks["governor"].good
     assert checks["governor"].words == "performance, powersave"
@@ -55,20 +55,14 @@ def test_the_real_time_class_is_tried_and_not_believed(
 
 
 def test_an_interface_that_is_not_there_is_red_with_its_command(ball_screw: Setup, tmp_path: Path) -> None:
-    wire = ball_screw.file.drive.wire
-    assert isinstance(wire, Canopen)
-    drive = ball_screw.file.drive._replace(wire=wire._replace(interface="socketcan", channel="nocan7"))
-    check = found(ball_screw._replace(file=ball_screw.file._replace(drive=drive)), tmp_path)["bus"]
+    check = found(ball_screw.with_wire(interface="socketcan", channel="nocan7"), tmp_path)["bus"]
     assert not check.good
     assert "ip link set nocan7 up type can bitrate 1000000" in check.fix
 
 
 def test_the_drives_stops_in_words(ball_screw: Setup, bench: Workbench, tmp_path: Path) -> None:
     node = bench.running("sync")
-    wire = ball_screw.file.drive.wire
-    assert isinstance(wire, Canopen)
-    drive = ball_screw.file.drive._replace(wire=wire._replace(channel=bench.channel))
-    setup = ball_screw._replace(file=ball_screw.file._replace(drive=drive))
+    setup = ball_screw.with_wire(channel=bench.channel)
     checks = found(setup, tmp_path, served=False)
     assert checks["quick stop option (0x605A)"].words == "slow down on the quick stop ramp, then Switch on disabled"
     assert checks["abort connection option (0x6007)"].good
@@ -85,3 +79,16 @@ def test_everything_red_says_what_fixes_it(command: Command, tmp_path: Path) -> 
     assert code == (0 if result["fit"] else 1)
     assert len(result["checks"]) >= 10
     assert all(check["mend"] for check in result["checks"] if not check["good"])
+
+
+def test_the_recordings_and_how_long_they_stay(ball_screw: Setup, tmp_path: Path) -> None:
+    (tmp_path / "blackbox" / "axis").mkdir(parents=True)
+    (tmp_path / "blackbox" / "axis" / "a.h5").write_bytes(bytes(1 << 27))
+    for limit, good, words in (
+        (Retention(), True, "1 file, 0.1 GiB, the oldest 0 days old; none is ever removed"),
+        (Retention(90.0, 0.01), True, "removed after 90 days or beyond 0.01 GiB"),
+        (Retention(keep_gib=1e6), False, "removed beyond 1e+06 GiB"),
+    ):
+        check = found(ball_screw.having(recordings=limit), tmp_path)["recordings"]
+        assert check.good is good
+        assert words in check.words

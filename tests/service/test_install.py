@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.drive import Canopen
 from stagectl.service.install import PLACES, Installation, contents, install, remove
-from stagectl.service.notify import notify
+from stagectl.service.single_instance import notify
 from tests.conftest import CONFIG, Command
 
 STAGE = CONFIG / "ball-screw.yaml"
@@ -23,10 +22,7 @@ MOST_EXPOSED = 1.5  # what `systemd-analyze security` may say
 
 @pytest.fixture
 def on_can(ball_screw: Setup) -> Setup:
-    wire = ball_screw.file.drive.wire
-    assert isinstance(wire, Canopen)
-    drive = ball_screw.file.drive._replace(wire=wire._replace(interface="socketcan", channel="can0", bitrate=500e3))
-    return ball_screw._replace(file=ball_screw.file._replace(drive=drive))
+    return ball_screw.with_wire(interface="socketcan", channel="can0", bitrate=500e3)
 
 
 def wanted(*setups: Setup, tcp: str = "") -> Installation:
@@ -36,7 +32,7 @@ def wanted(*setups: Setup, tcp: str = "") -> Installation:
 
 def test_the_unit_says_what_the_stage_file_says(on_can: Setup, ball_screw: Setup) -> None:
     files = contents(wanted(on_can))
-    assert set(files) == set(PLACES.values())
+    assert set(files) == {place for place in PLACES.values() if "socket" not in place}
     assert not [text for text in files.values() if re.search(r"@[A-Z]+@", text)]
     unit = files["etc/systemd/system/stagectl.service"]
     assert f'ExecStart=/opt/stagectl/bin/python -P -m stagectl serve "{STAGE}"\n' in unit
@@ -51,14 +47,16 @@ def test_the_unit_says_what_the_stage_file_says(on_can: Setup, ball_screw: Setup
     assert set(embedded) == {place for place in PLACES.values() if "network" not in place}
     unit = embedded["etc/systemd/system/stagectl.service"]
     assert f'serve "x={STAGE}" "y={STAGE}" --tcp 127.0.0.1:8402\n' in unit
-    assert "AF_CAN" not in unit
-    assert "AF_INET6" in unit
+    assert "AF_CAN" not in unit and "AF_INET" not in unit
+    assert "Requires=stagectl.socket\n" in unit
     assert "IPAddressAllow=localhost\n" in unit  # where it listens, and no further
+    assert "ListenStream=127.0.0.1:8402\n" in embedded["etc/systemd/system/stagectl.socket"]
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
-def test_systemd_rates_the_unit_as_hardened(on_can: Setup, tmp_path: Path) -> None:
-    install(wanted(on_can), tmp_path, True)
+@pytest.mark.parametrize("tcp", ["", "127.0.0.1:8402", "0.0.0.0:8402"])
+def test_systemd_rates_the_unit_as_hardened(on_can: Setup, tmp_path: Path, tcp: str) -> None:
+    install(wanted(on_can, tcp=tcp), tmp_path, True)
     command = ["systemd-analyze", "security", "--offline=true", f"--root={tmp_path}", "stagectl.service"]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     match = re.search(r"Overall exposure level for stagectl.service: ([\d.]+)", said)
@@ -70,7 +68,7 @@ def test_what_was_installed_is_removed_and_nothing_else(on_can: Setup, tmp_path:
     own = tmp_path / "etc/systemd/network/10-eth0.network"
     own.parent.mkdir(parents=True)
     own.write_text("[Match]\n")
-    files = install(wanted(on_can), tmp_path, True)
+    files = install(wanted(on_can, tcp="127.0.0.1:8402"), tmp_path, True)
     assert any("systemctl enable --now stagectl.service" in line for line in files)  # said, not run: another root
     assert all((tmp_path / place).is_file() for place in PLACES.values())
     remove(tmp_path)
@@ -82,6 +80,9 @@ def test_the_verbs(tmp_path: Path, command: Command) -> None:
     assert command("service", "install", STAGE, "--root", tmp_path)[0] == 0
     unit = (tmp_path / PLACES["stagectl.service"]).read_text()
     assert f'ExecStart={sys.executable} -P -m stagectl serve "{STAGE}"' in unit
+    for wrong in ("8402", "my-machine:8402"):  # systemd resolves no names
+        code, _, err = command("service", "install", STAGE, "--root", tmp_path, "--tcp", wrong)
+        assert code == 2 and wrong in err
     assert command("service", "remove", "--root", tmp_path)[0] == 0
     assert not (tmp_path / PLACES["stagectl.service"]).exists()
 

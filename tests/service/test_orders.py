@@ -30,7 +30,7 @@ class Bench:
 
     def __init__(self, setup: Setup, folder: Path) -> None:
         setup = varied(setup, substeps=1)
-        setup = setup._replace(file=setup.file._replace(drive=setup.file.drive._replace(wire=InProcess())))
+        setup = setup.having(drive=setup.file.drive._replace(wire=InProcess()))
         self.axis = AxisController("axis", setup)
         self.orderly = OrderHandler(
             Service({"axis": self.axis}, ServicePaths(folder / "s", folder), False, lambda _: None)

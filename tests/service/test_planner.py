@@ -47,6 +47,53 @@ def test_it_lays_out_what_is_laid_out_here(planner: Planner, axis: AxisControlle
     assert motion.rows == own.rows and motion._replace(rows=b"", left=AT_ZERO) == own._replace(rows=b"", left=AT_ZERO)
 
 
+async def rehearsed(planner: Planner) -> None:
+    """Wait until the process with compiled kernels has loaded them, or has ended."""
+    planner.look()
+    assert planner._taking_over is not None
+    await asyncio.wait_for(planner._taking_over, 300.0)  # it may have to compile
+
+
+def test_compiled_kernels_take_over_with_the_same_rows(axis: AxisController) -> None:
+    said: list[str] = []
+    planner = Planner(lambda: [axis.rehearsal()], said.append)
+
+    async def both() -> tuple[Motion, Motion]:
+        task = axis.task("motion", Upload(SINE % 2, {}))
+        slow = await planner.plan(task)
+        await rehearsed(planner)
+        return slow, await planner.plan(task)
+
+    try:
+        slow, fast = asyncio.run(both())
+        assert planner._process is not None and planner._process.compiled and not said
+    finally:
+        planner.close()
+    assert fast.rows == slow.rows and fast._replace(rows=b"", left=AT_ZERO) == slow._replace(rows=b"", left=AT_ZERO)
+
+
+def test_planning_goes_on_where_compiled_kernels_cannot_be_loaded(
+    axis: AxisController, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    planner = Planner(lambda: [axis.rehearsal()], said.append)
+    planner.start()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    (tmp_path / "numba.py").write_text("import os; os._exit(1)")
+
+    async def tried() -> Motion:
+        await rehearsed(planner)
+        planner.look()  # not again
+        assert planner._next is None
+        return await planner.plan(axis.task("motion", Upload(SINE % 1, {})))
+
+    try:
+        assert asyncio.run(tried()).length > 2000
+    finally:
+        planner.close()
+    assert len(said) == 1 and "interpreted" in said[0]
+
+
 @pytest.mark.parametrize(
     ("yaml", "key"),
     [
@@ -94,7 +141,7 @@ def test_what_is_longer_than_a_service_takes_is_refused_at_once(planner: Planner
 def test_it_is_killed_with_who_asked_and_a_new_one_plans(planner: Planner, axis: AxisController) -> None:
     planned(planner, axis, SINE % 1)
     assert planner._process is not None
-    first = planner._process.pid
+    first = planner._process.process.pid
 
     async def cancelled() -> None:
         work = asyncio.create_task(planner.plan(axis.task("motion", Upload(SINE % 900, {}))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stagectl.config.stage_blocks import Retention
 from stagectl.recording.file_lock import beginning, claimed
 from stagectl.recording.hdf5 import Writer, open_recording
 from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
@@ -156,3 +158,21 @@ def test_nothing_else_can_be_had(tmp_path: Path, place: tuple[str, str, str]) ->
     (tmp_path / "token").write_text("secret")
     with pytest.raises(ServiceError, match="no recording"):
         Recordings(tmp_path).path(*place)
+
+
+def test_what_is_too_old_or_too_much_goes_and_the_newest_stays(axis: AxisController, tmp_path: Path) -> None:
+    """By age and by size over both kinds; files of another axis stay."""
+    days = {"recordings/axis/a.h5": 1.0, "blackbox/axis/b.h5": 2.0, "recordings/axis/c.h5": 9.0, "blackbox/y/d.h5": 9.0}
+    for name, age in days.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(bytes(1 << 20))
+        os.utime(path, (time.time() - age * 86400.0,) * 2)
+    there = lambda: {name for name in days if (tmp_path / name).exists()}  # noqa: E731
+    limits = {Retention(): set(), Retention(5.0): {"c"}, Retention(keep_gib=1.5 / 1024): {"b"}, Retention(0.1): set()}
+    for limit, gone in limits.items():
+        axis.setup = axis.setup.having(recordings=limit)
+        before = there()
+        words = list(Recordings(tmp_path).expire([axis]))
+        assert {Path(name).stem for name in before - there()} == gone
+        assert all(word.startswith("removed ") for word in words) and len(words) == len(gone)

@@ -19,7 +19,7 @@ from stagectl.drives.virtual import inject
 from stagectl.realtime.states import State
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.virtual_timeouts import HELD_UP
-from stagectl.web.client import ControlError, RefusedError, ask
+from stagectl.web.client import ControlError, RefusedError, ask, stop
 from tests.conftest import CONFIG, ROOT, Command
 from tests.service.serving import Served, free_port, served, within
 
@@ -140,6 +140,8 @@ def test_the_real_time_process_killed(machine: Served) -> None:
     began = time.monotonic()
     assert machine.until(lambda axis: axis["state"] != "moving")["state"] == "connecting"
     assert time.monotonic() - began < HELD_UP  # nothing pretends to move until the new one is there
+    with pytest.raises(ControlError, match=r"time-outs.*press the emergency stop"):  # a stop finds nobody meanwhile
+        stop(machine.socket, quick=False, axis="")
     # By its time-out, or sooner: the new process configures it, and takes it out of operation for that.
     assert re.match(r"no (heartbeat|cyclic command)|taken out of operation", machine.drive_says())
     assert machine.drive_says().startswith("stands after ")
@@ -155,7 +157,7 @@ def test_the_real_time_process_killed(machine: Served) -> None:
 
 
 def test_the_black_box_killed(machine: Served) -> None:
-    machine.begin_moving()
+    machine.begin_moving("1 mm/s")  # 20 s: a busy computer may take long to miss the black box
     held = machine.descriptors()
     machine.kill("stagectl.service.black_box")
     within(20.0, lambda: "blackbox_died" in machine.faults())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 from stagectl.realtime.shared_memory import CUT, HOLD, INTERFACE, PENDING, REFUSED, STOP_PATH, Board, Order, Status
 from stagectl.realtime.states import State
 from stagectl.service.axis_status import Shown
+from stagectl.service.child_process import start
 from stagectl.service.limits import TAKEN
 from stagectl.service.stop_link import StopLink
 from stagectl.service.stop_path import StopPath, StopPost
@@ -109,6 +111,23 @@ def test_a_stop_given_while_the_loop_starts_counts(bench: Bench) -> None:
     assert Board(bench.boards["x"].descriptor).next_stops() == [HOLD]
 
 
+def test_a_stop_from_before_its_start_is_given_before_it_is_ready(tmp_path: Path) -> None:
+    """Else it ends a motion that is ordered afterwards, as one did after a restart."""
+    board = Board.create(16)
+    alive, loop = os.pipe()
+    os.close(loop)  # it is gone at once, so the path does not look a second time
+    with serving(tmp_path / "stop", socket.SOCK_DGRAM) as served:
+        link = StopLink(tmp_path / "stop")
+        link.send("stop", "")
+        link.close()
+        path = start("stagectl.service.stop_path", (served.fileno(), alive, board.descriptor), "interpreted")
+        path.send(StopPost(served.fileno(), alive, ((Shown("x", 1.0, "m", "starting"), board.descriptor),)))
+        assert path.line() == "ready"
+        assert Board(board.descriptor).next_stops() == [HOLD]
+        assert path.wait(60.0) == 0
+    os.close(alive)
+
+
 def test_a_loop_that_does_not_take_it_is_answered_for(bench: Bench) -> None:
     bench.live(age=0.5)
     answer = bench.asked("stop", take=False)
@@ -158,3 +177,16 @@ def test_what_a_client_brings_that_is_no_socket(bench: Bench, tmp_path: Path) ->
     bench.path.look()
     assert (tmp_path / "file").read_text() == ""
     assert len(os.listdir("/proc/self/fd")) == held
+
+
+def test_a_stop_path_that_is_gone_holds_up_nobody_who_probes_it(bench: Bench) -> None:
+    """Its queue fills while a new one starts; the service, which starts it, must go on meanwhile."""
+
+    def probe() -> None:
+        for _ in range(5000):
+            bench.link.send("status")
+
+    probing = threading.Thread(target=probe, daemon=True)
+    probing.start()
+    probing.join(30.0)
+    assert not probing.is_alive()

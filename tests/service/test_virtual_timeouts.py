@@ -14,10 +14,7 @@ from stagectl.service.virtual_timeouts import HELD_UP, patient, waits_for_sync
 
 
 def wired(setup: Setup, clock: Any = "sync", **changes: Any) -> Setup:
-    file, wire = setup.file, setup.file.drive.wire
-    assert isinstance(wire, Canopen)
-    drive, simulation = file.drive._replace(wire=wire._replace(**changes)), file.simulation._replace(clock=clock)
-    return setup._replace(file=file._replace(drive=drive, simulation=simulation))
+    return setup.with_wire(**changes).having(simulation=setup.file.simulation._replace(clock=clock))
 
 
 def test_silence_counts_late_where_the_plant_stands_still_meanwhile(ball_screw: Setup) -> None:

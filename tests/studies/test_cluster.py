@@ -5,12 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from stagectl_studies.cluster import ClusterError, on_cluster
 from stagectl_studies.exam import exam
 from stagectl_studies.exam.question import Manner
 from stagectl_studies.exam.run_trial import Job, sit
 from stagectl_studies.exam.totals import totals
-
-from stagectl.cluster import ClusterError, on_cluster
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed: pip install 'stagectl[cluster]'")
 pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.filterwarnings("ignore::ResourceWarning")]
@@ -88,6 +87,6 @@ def test_what_fails_is_tried_again_and_holds_up_no_other(scheduler: str, tmp_pat
 
 
 def test_nobody_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stagectl.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("stagectl_studies.cluster.PATIENCE", 0.5)
     with pytest.raises(ClusterError, match="no Dask scheduler answers"):
         list(on_cluster(abs, [1], "tcp://127.0.0.1:9"))

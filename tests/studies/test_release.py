@@ -29,7 +29,7 @@ def test_released_the_slider_rings_at_40_hz_and_moves_up_to_20_um(speed: str) ->
 
 def test_half_the_integration_step_rings_alike() -> None:
     setup = slider()
-    fine = setup._replace(file=setup.file._replace(simulation=setup.file.simulation._replace(substeps=20)))
+    fine = setup.having(simulation=setup.file.simulation._replace(substeps=20))
     experiment = load_trajectory(CONFIG / "experiments" / "release-10mms.yaml", axis_of(setup))
     both = [released(rows["time"], rows["measured"], 0.8, 10e-9) for rows in (recorded(setup, experiment),
             recorded(setup, experiment, plant=fine))]  # fmt: skip

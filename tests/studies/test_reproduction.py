@@ -159,7 +159,7 @@ def test_half_the_integrators_step_changes_no_new_figure(evidence: ball_screw.Ev
 def finer(setup: Setup) -> Setup:
     """`setup` with half the integration step."""
     simulation = setup.file.simulation
-    return setup._replace(file=setup.file._replace(simulation=simulation._replace(substeps=2 * simulation.substeps)))
+    return setup.having(simulation=simulation._replace(substeps=2 * simulation.substeps))
 
 
 @pytest.mark.parametrize(("paper", "figures"), [("ball-screw", range(1, 15)), ("slider", range(1, 11))])

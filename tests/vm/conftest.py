@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.vm.bench import CHANNEL, GUEST, Traced, stage_file, traced
-from tests.vm.installed import Installed
+from tests.vm.installed import PORT, Installed
 
 
 def _no_can() -> str:
@@ -57,7 +57,7 @@ def machine(drive: Traced) -> Iterator[Installed]:
     place = Path("/etc/stagectl")
     place.mkdir(exist_ok=True)
     service = Installed(stage_file(place))
-    service.verb("service", "install", str(service.stage))
+    service.verb("service", "install", str(service.stage), "--tcp", PORT)
     service.until(lambda axis: axis["state"] == "disabled")
     yield service
     with contextlib.suppress(Exception):

@@ -18,6 +18,7 @@ from tests.vm.bench import ROOT
 
 UNIT = "stagectl.service"
 STATE = Path("/var/lib/stagectl")
+PORT = "127.0.0.1:8402"
 LOOP, BOX = "stagectl.realtime.axes", "stagectl.service.black_box"
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from stagectl.service.axis_controller import ServiceError
-from stagectl.web.access_control import Guard, Keys, Permission, SameSite, secret
+from stagectl.web.access_control import Answer, Keys, Permission, by_key, guarded, same_site, secret
 
 TOKEN, KEY = "t" * 43, "k" * 43
 KEYS = Keys(TOKEN, KEY, token_moves=False)
@@ -40,8 +40,8 @@ def asked(
     return sent[0].get("status", 0), through[0] if through else None
 
 
-def guarded(inner: Any) -> Guard:
-    return Guard(inner, KEYS, lambda *_: True)
+def keyed(inner: Any) -> Answer:
+    return guarded(inner, by_key(KEYS, lambda *_: True))
 
 
 @pytest.mark.parametrize(
@@ -57,24 +57,24 @@ def guarded(inner: Any) -> Guard:
 )
 def test_the_token_reads_and_the_key_moves(said: str, get: int, post: int, may: Permission | None) -> None:
     header = {"authorization": said} if said else {}
-    status, scope = asked(guarded, **header)
+    status, scope = asked(keyed, **header)
     assert status == get
     assert (scope["may"] if scope else None) is may
-    assert asked(guarded, "POST", "/v1/enable", **header)[0] == post
+    assert asked(keyed, "POST", "/v1/enable", **header)[0] == post
 
 
 @pytest.mark.parametrize("path", ["/", "/page/main.js", "/page/plots/uPlot.min.js"])
 def test_the_page_itself_is_open(path: str) -> None:
-    assert asked(guarded, path=path)[0] == 200
+    assert asked(keyed, path=path)[0] == 200
 
 
 @pytest.mark.parametrize("path", ["/v1/recordings", "/openapi.json", "/page", "//", "/v1/../page/"])
 def test_nothing_else_is(path: str) -> None:
-    assert asked(guarded, path=path)[0] == 401
+    assert asked(keyed, path=path)[0] == 401
 
 
 def test_a_live_connection_gets_the_keys_to_be_asked_for() -> None:
-    _, scope = asked(guarded, kind="websocket", path="/v1/live")
+    _, scope = asked(keyed, kind="websocket", path="/v1/live")
     assert scope["keys"] is KEYS
     assert Keys(TOKEN, KEY, token_moves=True).grant(TOKEN) is Permission.MOVE
     assert KEYS.grant("ü") is Permission.NOTHING
@@ -97,8 +97,8 @@ def test_a_live_connection_gets_the_keys_to_be_asked_for() -> None:
 )
 def test_no_other_site_speaks_for_the_user(home: bool, host: str, origin: str, status: int) -> None:
     header = {"host": host} | ({"origin": origin} if origin else {})
-    assert asked(lambda inner: SameSite(inner, home), "POST", "/v1/enable", **header)[0] == status
-    live = asked(lambda inner: SameSite(inner, home), path="/v1/live", kind="websocket", **header)
+    assert asked(lambda inner: guarded(inner, same_site(home)), "POST", "/v1/enable", **header)[0] == status
+    live = asked(lambda inner: guarded(inner, same_site(home)), path="/v1/live", kind="websocket", **header)
     assert (live[1] is not None) == (status == 200)
 
 

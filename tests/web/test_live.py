@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from stagectl.recording.triggering import Settings, Trigger
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.web.channels import Channel, channels, chosen, level
-from stagectl.web.lateness import Lateness
 from stagectl.web.limits import EDGES
 from stagectl.web.live import DETAIL, HEAD, STRIP, ScopeView, Strip, Window, rows_a_bucket
+from stagectl.web.status_feed import Lateness
 from tests.web.conftest import Write
 
 LEAD = 12e-3 / (2.0 * np.pi)  # m/rad

@@ -8,7 +8,7 @@ import re
 import shutil
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import pytest
 
 from stagectl.recording.hdf5 import open_recording
 from stagectl.web import assets
-from tests.service.serving import Served, free_port, served
+from tests.service.serving import Served, free_port, served, within
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -26,7 +26,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
 ]
 PORT = free_port()
-PATIENCE = 60_000.0  # ms: the machine is shared
+PATIENCE = 15_000.0  # ms: the machine is shared
 SHOTS = os.environ.get("STAGECTL_SCREENSHOTS")  # a folder, for who wants to look
 
 
@@ -122,6 +122,87 @@ def test_orders_by_keyboard(view: Any, machine: Served) -> None:
     page.click("#disable")
     shown.until("#state", "without power")
     assert page.is_disabled("#move button") and page.is_enabled("#enable")
+
+
+def moved(machine: Served, seconds: float = 0.6) -> float:
+    """How far (m) the axis goes in this time."""
+    before = machine.axis()["reference"]
+    time.sleep(seconds)
+    return float(machine.axis()["reference"] - before)
+
+
+RELEASES: dict[str, Callable[[Any], object]] = {
+    "the button is let go": lambda shown: shown.page.mouse.up(),
+    "the window loses the focus": lambda shown: shown.page.evaluate("window.dispatchEvent(new Event('blur'))"),
+    "the page is hidden": lambda shown: shown.page.evaluate(
+        "Object.defineProperty(document, 'hidden', {value: true});document.dispatchEvent(new Event('visibilitychange'))"
+    ),
+    "the network fails": lambda shown: shown.context.set_offline(True),
+    "the page is closed": lambda shown: shown.page.close(),
+    "Escape": lambda shown: shown.page.keyboard.press("Escape"),
+}
+
+
+@pytest.mark.parametrize("how", RELEASES)
+def test_a_jog_ends_when(view: Any, machine: Served, how: str) -> None:
+    shown = view()
+    page = shown.live()
+    page.fill("#jog-speed", "2 mm/s")
+    playwright.expect(page.locator("#jog-forth")).to_be_enabled(timeout=PATIENCE)
+    page.hover("#jog-forth")
+    page.mouse.down()
+    shown.until("#state", "moves")
+    assert moved(machine) > 0.5e-3
+    RELEASES[how](shown)
+    machine.until(lambda axis: axis["state"] == "standing", 5.0)
+    assert moved(machine) == 0.0 and machine.axis()["fault"] == ""
+
+
+def test_a_jog_by_keyboard(view: Any, machine: Served) -> None:
+    """Space on the focused button; as the key goes up the axis stands, and other keys move nothing."""
+    shown = view()
+    page = shown.live()
+    playwright.expect(page.locator("#jog-back")).to_be_enabled(timeout=PATIENCE)
+    page.focus("#jog-back")
+    page.keyboard.press("ArrowLeft")
+    assert moved(machine) == 0.0
+    page.keyboard.down(" ")
+    shown.until("#state", "moves")
+    assert moved(machine) < 0.0
+    page.keyboard.up(" ")
+    machine.until(lambda axis: axis["state"] == "standing", 5.0)
+    assert moved(machine) == 0.0
+
+
+def test_a_jog_by_touch(view: Any, machine: Served) -> None:
+    """A finger on a small screen; it moves as long as the finger lies there."""
+    shown = view(has_touch=True, is_mobile=True, viewport={"width": 390, "height": 844})
+    page = shown.live()
+    page.evaluate("document.getElementById('jog-forth').scrollIntoView({block: 'center'})")
+    playwright.expect(page.locator("#jog-forth")).to_be_enabled(timeout=PATIENCE)
+    box = page.locator("#jog-forth").bounding_box()
+    assert box["height"] >= 44.0 and box["width"] >= 44.0  # as large as a finger
+    touch = shown.context.new_cdp_session(page)
+    point = {"x": box["x"] + box["width"] / 2.0, "y": box["y"] + box["height"] / 2.0}
+    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [point]})
+    shown.until("#state", "moves")
+    assert moved(machine, 1.5) > 0.5e-3
+    shown.shot("jog-390")
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    machine.until(lambda axis: axis["state"] == "standing", 5.0)
+    assert moved(machine) == 0.0
+
+
+def test_a_jog_that_is_refused_is_told(view: Any, machine: Served) -> None:
+    shown = view()
+    page = shown.live()
+    page.fill("#jog-speed", "900 mm/s")
+    playwright.expect(page.locator("#jog-forth")).to_be_enabled(timeout=PATIENCE)
+    page.focus("#jog-forth")
+    page.keyboard.down(" ")
+    shown.until("#said", "take a lower speed")
+    page.keyboard.up(" ")
+    assert machine.axis()["state"] == "standing"
 
 
 def test_who_may_only_read_sees_no_buttons(view: Any) -> None:
@@ -226,6 +307,104 @@ def test_the_scope_triggers_zooms_and_saves(view: Any, machine: Served, tmp_path
     machine.ask("POST", "stop")
 
 
+def test_the_scope_shows_a_spectrum(view: Any, machine: Served) -> None:
+    """The highest line of the position lies at the frequency of the motion, as high as its amplitude."""
+    machine.ask(
+        "POST", "trajectory", yaml="{type: sine, amplitude: 1 mm, frequency: 4.8828125 Hz, periods: 300}", wait=False
+    )
+    shown = view()
+    page = shown.live()
+    shown.until("#state", "moves")
+    page.click("#scope-picks summary")
+    page.uncheck("#scope-channels label:text-is('error') input")
+    page.check("#scope-channels label:text-is('measured') input")
+    page.uncheck("#scope-channels label:text-is('measured current') input")
+    page.fill("#scope-span", "4.096")
+    page.select_option("#scope-view", "frequency")
+    highest = page.locator("#readout tbody td").nth(5)
+
+    def amplitude() -> float:
+        number, unit = highest.inner_text().split()
+        return float(number) * {"mm": 1.0, "µm": 1e-3}[unit]
+
+    page.wait_for_timeout(9000)  # until a capture holds nothing of the beginning; longer on a busy computer
+    assert within(30.0, lambda: amplitude() == pytest.approx(1.0, rel=0.02)), amplitude()  # 20 periods in 8192 rows
+    shown.shot("spectrum")
+    page.click("#scope-run")
+    assert page.is_hidden("#zoom") and "Hz" in page.inner_text("#readout thead")
+    machine.ask("POST", "stop")
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
+def test_the_scope_shows_the_error_over_the_position(view: Any, machine: Served, scheme: str, width: int) -> None:
+    machine.ask("POST", "trajectory", yaml="{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 60}", wait=False)
+    shown = view(color_scheme=scheme, viewport={"width": width, "height": 850})
+    page = shown.live()
+    page.fill("#scope-span", "1")
+    page.select_option("#scope-view", "place")
+    page.wait_for_timeout(2500)
+    shown.shot(f"place-{scheme}-{width}")
+    assert " mm" in page.inner_text("#readout thead") or width < 900
+    assert page.locator("#readout tbody tr").count() == 3  # the position is taken with the two that were chosen
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    table = page.locator("#readout").bounding_box()
+    assert table["x"] + table["width"] <= width  # the cursors' values are all on the screen
+    machine.ask("POST", "stop")
+
+
+def test_a_layout_of_the_scope_is_kept(view: Any) -> None:
+    """By this browser: it is there after a reload, and goes when it is deleted."""
+    shown = view()
+    page = shown.live()
+    page.click("#layout-form button:text('Keep layout')")
+    shown.until("#scope-state", "a name first")
+    page.fill("#scope-span", "0.25")
+    page.select_option("#scope-source", "current")
+    page.click("#scope-picks summary")
+    page.check("#scope-channels label:text-is('late') input")
+    page.fill("#layout-name", "currents")
+    page.keyboard.press("Enter")
+    page.reload()
+    shown.live()
+    assert page.input_value("#scope-span") == "0.5"
+    page.select_option("#layout", "currents")
+    assert page.input_value("#scope-span") == "0.25" and page.input_value("#scope-source") == "current"
+    assert page.inner_text("#scope-count") == "3"
+    page.click("#layout-drop")
+    assert page.locator("#layout option").count() == 1
+
+
+def test_a_trigger_that_cannot_come_and_an_empty_save_are_told(view: Any) -> None:
+    shown = view()
+    page = shown.live()
+    page.select_option("#scope-mode", "normal")
+    page.select_option("#scope-source", "current")
+    page.fill("#scope-level", "50 A")
+    page.keyboard.press("Tab")
+    shown.until("#scope-state", "so far current lies between")
+    page.reload()
+    shown.live()
+    page.evaluate("document.getElementById('scope-mode').value = 'normal'")
+    page.click("#scope-picks summary")
+    page.uncheck("#scope-channels label:text-is('error') input")
+    page.uncheck("#scope-channels label:text-is('measured current') input")
+    shown.until("#scope-state", "at least one channel")
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
+def test_axes_read_well_at_rest(view: Any, machine: Served, scheme: str, width: int) -> None:
+    """Far from 0 the ticks count from an offset that is told; nothing is smaller than what the axis can tell."""
+    machine.ask("POST", "move", to={"axis": "9.99995 mm"}, speed="20 mm/s")
+    time.sleep(11.0)  # until the move has left the picture
+    shown = view(color_scheme=scheme, viewport={"width": width, "height": 850})
+    page = shown.live()
+    page.wait_for_timeout(11_000)
+    shown.shot(f"rest-{scheme}-{width}")
+    assert re.search(r"\[nm\] from 9\.9999\d* mm", page.inner_text("#strip-position-title"))
+    assert re.fullmatch(r"-?\d+\.\d nm", page.inner_text("#error"))
+    assert "e-" not in page.inner_text("#scope") and "e-" not in page.inner_text("#now")
+
+
 def test_a_recording_is_made_and_fetched(view: Any, machine: Served, tmp_path: Path) -> None:
     shown = view()
     page = shown.live()
@@ -254,6 +433,80 @@ def test_a_recording_is_made_and_fetched(view: Any, machine: Served, tmp_path: P
     page.click("#record-button")
     shown.until("#recording", "exists already")
     machine.ask("POST", "stop")
+
+
+def test_gains_are_changed_while_it_stands(view: Any, machine: Served) -> None:
+    """Without a jump of the current; what the design refuses is told, and changes nothing."""
+    shown = view()
+    page = shown.live()
+    page.click("#gains summary")
+    field = page.locator("#gains-fields input[name=bandwidth]")
+    playwright.expect(field).to_have_value("40 Hz", timeout=PATIENCE)
+    field.fill("35 Hz")
+    page.keyboard.press("Enter")
+    shown.until("#gains-said", "in force")
+    assert machine.ask("GET", "parameters")["axis"]["bandwidth"] == 35.0
+    assert machine.axis()["state"] == "standing" and abs(machine.axis()["error"]) < 1e-6
+    field.fill("400 Hz")
+    page.keyboard.press("Enter")
+    shown.until("#gains-said", "margin")
+    assert machine.ask("GET", "parameters")["axis"]["bandwidth"] == 35.0
+    machine.ask("PATCH", "parameters", control={"bandwidth": "40 Hz"})
+
+
+def test_a_trajectory_file_is_followed(view: Any, machine: Served, tmp_path: Path) -> None:
+    """With the table that it names; a choice without a trajectory is refused at once."""
+    (tmp_path / "steps.csv").write_text(
+        "time_s,reference_mm\n" + "".join(f"{k * 0.01},{0.5 - 0.5 * np.cos(k * 0.01)}\n" for k in range(629))
+    )
+    (tmp_path / "steps.yaml").write_text("type: csv\nfile: steps.csv\n")
+    shown = view()
+    page = shown.live()
+    page.click("text=Trajectory file")
+    page.set_input_files("#file", [tmp_path / "steps.csv"])
+    page.click("#file-form button")
+    shown.until("#file-said", "choose one trajectory file")
+    page.set_input_files("#file", [tmp_path / "steps.yaml", tmp_path / "steps.csv"])
+    page.click("#file-form button")
+    shown.until("#file-said", "follows steps")
+    shown.until("#state", "moves")
+    machine.ask("POST", "stop")
+
+
+def test_the_virtual_drive_fails_when_it_is_told_to(view: Any, machine: Served, tmp_path: Path) -> None:
+    """A fault by its name; the axis ends in it, and the black box names its machine and comes as MCAP."""
+    shown = view()
+    page = shown.live()
+    page.click("#faulty summary")
+    page.select_option("#inject-fault", "drive-fault")
+    shown.until("#inject-words", "trips")
+    page.fill("#inject-parameters", "duration=1 kg")
+    page.click("#inject button:text('Inject')")
+    shown.until("#inject-said", "duration")
+    page.fill("#inject-parameters", "")
+    page.click("#inject button:text('Inject')")
+    shown.until("#state", "fault")
+    shown.shot("fault")
+    page.click("#inject-clear")
+    shown.until("#inject-said", "no fault acts")
+    shown.until("#files", "black box of ball-screw stage A")
+    with page.expect_download() as caught:
+        page.locator("#files li:has-text('black box') button:text('mcap')").first.click()
+    caught.value.save_as(tmp_path / "box.mcap")
+    assert re.fullmatch(r"ball-screw-stage-A-axis-\d{8}-\d{6}-[a-z_]+(-\d+)?\.mcap", caught.value.suggested_filename)
+    assert (tmp_path / "box.mcap").read_bytes().startswith(b"\x89MCAP")
+
+
+def test_late_cycles_are_explained(view: Any, machine: Served) -> None:
+    """Where they are counted: a loop that is held up for 50 ms has been late."""
+    os.kill(machine.child("stagectl.realtime.axes"), signal.SIGSTOP)
+    time.sleep(0.05)
+    os.kill(machine.child("stagectl.realtime.axes"), signal.SIGCONT)
+    shown = view()
+    page = shown.live()
+    page.click("#why-late summary")
+    shown.until("#why-late", "stagectl doctor")
+    shown.until("#late-virtual", "do not disturb")
 
 
 def test_it_comes_back_after_the_service(view: Any, machine: Served) -> None:

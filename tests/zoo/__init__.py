@@ -8,6 +8,7 @@
     bench.py      starts drive and `run`; judges                        monitors.py heartbeat, guarding, RPDO time-out
     node.py       the process                                           pdos.py     mapping, SYNC
     drive.py      all of it put together, without a bus                 plant.py    screw, friction, weight
+    display.py    statusword, mode, position, current as it shows them
     service.py    a service with such a drive                           sample.py   what CI tries of all this
     events.py     what happens in mid-motion                            diary.py    what the drive writes down
 

@@ -115,14 +115,17 @@ def objections(result: Result, row: Row, served: bool = False) -> list[str]:
     return wrong + unsafe(result.diary, row.bare) + fallen(row, result.diary) + _unwritten(result, row)
 
 
-def unsafe(diary: Diary, bare: bool = False) -> list[str]:
-    """Power without a monitor (unless a person accepts that: `bare`), and power or speed that stays."""
+def unsafe(diary: Diary, bare: bool = False, holding: bool = False) -> list[str]:
+    """Power without a monitor (unless a person accepts that: `bare`), and power or speed that stays.
+
+    A drive may hold the axis by itself, in Quick stop active, where that is its way to stop (`holding`).
+    """
     wrong = []
     if not diary.lines("sample"):
         return ["the drive was never heard of"]
     if not bare and (moved := diary.unsupervised()) >= 0.0:
         wrong.append(f"enabled without a monitor that stops, moved {1e3 * moved:.2f} mm so")
-    if not diary.stands():
+    if not diary.stands(holding):
         wrong.append(f"left with power {diary.last['powered']} at {1e3 * diary.last['v']:.1f} mm/s")
     return wrong
 

@@ -73,9 +73,10 @@ class Diary:
         start = [line["x"] for line in samples if line["t"] <= moment][-1]
         return max((abs(line["x"] - start) for line in samples if line["t"] > moment), default=0.0)
 
-    def stands(self) -> bool:
-        """Whether it is without power and at rest."""
-        return not self.last["powered"] and abs(self.last["v"]) <= REST
+    def stands(self, holding: bool = False) -> bool:
+        """Whether it is without power and at rest; `holding`: or at rest by itself, in Quick stop active."""
+        last = self.last
+        return not last["enabled" if holding else "powered"] and abs(last["v"]) <= REST
 
     def unsupervised(self) -> float:
         """Widest span of positions under power while no monitor could have stopped it (m); -1: it never was so."""

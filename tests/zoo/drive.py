@@ -5,22 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from tests.zoo import display
 from tests.zoo.diary import SAMPLE
+from tests.zoo.display import CST, OPERATIONAL, PERMILLE, PRE_OPERATIONAL
 from tests.zoo.events import happen
 from tests.zoo.homing import HM, Homing
 from tests.zoo.memory import Memory
 from tests.zoo.monitors import EMERGENCIES, Monitors
 from tests.zoo.pdos import Answers, Pdo
-from tests.zoo.plant import COUNTS, FORCE_CONSTANT, METRES_PER_RAD, PEAK_CURRENT, RATED_CURRENT, Plant, ramp_torque
+from tests.zoo.plant import FORCE_CONSTANT, METRES_PER_RAD, PEAK_CURRENT, Plant, ramp_torque
 from tests.zoo.power import POWERED, RAMPS, Power, State
 from tests.zoo.variants import Variant
 
-CST = 10  # mode of operation: cyclic synchronous torque
-_PERMILLE = RATED_CURRENT / 1000.0  # A
-_COUNTS_PER_RAD = COUNTS / (2.0 * math.pi)
+_PROFILE_POSITION, _LEFT_OVER = 1, 300.0  # mode and torque (per mille) of a drive that somebody left enabled
+_AMPERES = {0x607100: PERMILLE, 0x234000: 0.001}  # of one count of a command
 _AT_REST = 0.05  # rad/s: the ramp is over
-_WORD, _REMOTE, _LIMIT, _FOLLOWS = 0xFFFF, 1 << 9, 1 << 11, 1 << 12
-OPERATIONAL, PRE_OPERATIONAL = 5, 127
+_INHIBIT = 1e-4  # s, unit of the inhibit time
+_EVENT = 0.02  # s between TPDOs that are sent by event
 
 
 class Drive:
@@ -35,7 +36,7 @@ class Drive:
         self.rpdos = [Pdo(number, 0x1400, 0x1600), Pdo(number, 0x1401, 0x1601)]
         self.tpdos = [Pdo(number, 0x1800, 0x1A00), Pdo(number, 0x1801, 0x1A01)]
         memory.written = self._written
-        self.now = self._sampled = self._brake_since = 0.0
+        self.now = self._sampled = 0.0
         self._moved_from: float | None = None
         self._active_before = True
         self.event_over = False
@@ -44,6 +45,8 @@ class Drive:
         if variant.fault_at_start:
             self.trip(variant.fault_at_start, reaction=0)
         self.power.cause = variant.fault_stays
+        if variant.starts_enabled:
+            self.mode, self.target, self.power.state = _PROFILE_POSITION, _LEFT_OVER, State.OPERATION_ENABLED
 
     def boot(self) -> None:
         """Begin anew, without power; the mechanics coast on."""
@@ -61,12 +64,16 @@ class Drive:
 
     def forget(self) -> None:
         """What a boot leaves: no power, no orders."""
-        self.power = Power(self.note, self.variant.reset_hold)
-        self.nmt, self.mode, self.target = PRE_OPERATIONAL, 0, 0
+        self.power = Power(self.note, self.variant.reset_hold, self.variant.transition_time)
+        self.mode, self.target = 0, 0.0
+        self.nmt = OPERATIONAL if self.variant.starts_operational else PRE_OPERATIONAL
+        self.mode_since = self._sent = 0.0  # times: of the last mode, of the last TPDO
+        self.storms = False
         self.pending: list[dict[int, bytes]] = []  # commands that wait for SYNC
         self.answers = Answers(self.variant.tpdo_age)
         self.wants_boot = self.deaf = False  # an event wants a boot; commands have no effect
-        self.missing_bits = 0  # of the statusword, taken away by an event
+        self.missing_bits = self.variant.missing_bits  # of the statusword; an event takes more
+        self._toggle = 0
         self.homing, self._starts = Homing(self.variant.homing, self.memory.number), False
         self.monitors.forget()
         self._configure()
@@ -83,17 +90,18 @@ class Drive:
             self.power.may_enable = not self.variant.needs_interpolation or self.memory.number(0x60C201) != 0
             self.power.order(int.from_bytes(data, "little"), self.now)
             self._order_homing(bool(data[0] & 0x10))
-        elif key == 0x606000 and not (self._enabled and self.homing.kind == "stubborn"):
-            self.mode = int.from_bytes(data, "little", signed=True)
-        elif key == 0x607100:
-            self.target = int.from_bytes(data, "little", signed=True)
+        elif key == 0x606000 and not (self.enabled and self.homing.kind == "stubborn"):
+            self.mode, self.mode_since = int.from_bytes(data, "little", signed=True), self.now
+        elif key in _AMPERES:
+            self.target = int.from_bytes(data, "little", signed=True) * _AMPERES[key] / PERMILLE
 
     @property
-    def _enabled(self) -> bool:
+    def enabled(self) -> bool:
+        """Whether commands have power."""
         return self.power.state is State.OPERATION_ENABLED
 
     def _order_homing(self, start: bool) -> None:
-        if start is not self._starts and self.mode == HM and self._enabled:
+        if start is not self._starts and self.mode == HM and self.enabled:
             self.homing.order(start)
         self._starts = start
 
@@ -105,13 +113,27 @@ class Drive:
             return
         self.show()
         first, second = (pdo.due() for pdo in self.tpdos)
-        if first and (data := self.answers.next(self.tpdos[0].packed(self.memory.raw))) is not None:
-            self.send(self.tpdos[0].cob_id, data)
+        if first and self.now - self._sent >= self.memory.number(0x180003) * _INHIBIT:
+            self._sent = self.now
+            self._answer()
         if second or (self.variant.extra_pdos and self.tpdos[1].valid):
             self.send(self.tpdos[1].cob_id, self.tpdos[1].packed(self.memory.raw))
         for values in self.pending:
             self._take(values)
         self.pending = []
+
+    def _answer(self) -> None:
+        if (data := self.answers.next(self.tpdos[0].packed(self.memory.raw))) is not None:
+            self.send(self.tpdos[0].cob_id, data)
+
+    def _send_by_event(self) -> None:
+        """TPDO 1 before it is given to SYNC."""
+        tpdo = self.tpdos[0]
+        due = self.variant.starts_operational and tpdo.valid and not tpdo.synchronous and self.now - self._sent > _EVENT
+        if due and self.nmt == OPERATIONAL:
+            self._sent = self.now
+            self.show()
+            self._answer()
 
     def process_data(self, cob_id: int, data: bytes) -> None:
         """An RPDO, if it is one of ours."""
@@ -153,32 +175,34 @@ class Drive:
             self.lose(lost)
         if self.power.state in RAMPS and abs(self.plant.speed) < _AT_REST:
             self.power.ramp_over(self.memory.number(0x605A00))
-        self._work_brake()
+        self.plant.brake(self.variant.gravity != 0.0 and self.power.state not in POWERED, self.variant.brake_time)
         self._watch_motion()
+        self._send_by_event()
+        if self.storms:
+            self.emergency(0x8110)
         self._sample()
-
-    def _work_brake(self) -> None:
-        """Open with power, closed without; it takes its time for both."""
-        wanted = self.variant.gravity != 0.0 and self.power.state not in POWERED
-        if wanted == self.plant.braked:
-            self._brake_since = self.now
-        elif self.now - self._brake_since >= self.variant.brake_time:
-            self.plant.braked = wanted
 
     def current(self) -> float:
         """Current that flows (A): the command within the drive's limits, or that of its own ramp."""
         if self.power.state in RAMPS:
             speed, braking = self.plant.speed, ramp_torque(self.memory.number(0x608500))
             return -self.variant.motor_sign * math.copysign(braking, speed) / FORCE_CONSTANT if speed else 0.0
-        if not self._enabled or self.mode not in (CST, HM) or self.deaf:
+        if not self.enabled or self.mode not in (CST, HM) or self.deaf or self.deaf_still:
             return 0.0
-        limit, homes = self._limit(), self.mode == HM
-        wanted = self.homing.current(self.plant.angle, self.plant.speed) if homes else self.target * _PERMILLE
-        return min(max(wanted, -limit), limit)
+        homes = self.mode == HM
+        wanted = self.homing.current(self.plant.angle, self.plant.speed) if homes else self.target * PERMILLE
+        return min(max(wanted, -self._limit(0x60E100)), self._limit(0x60E000))
 
-    def _limit(self) -> float:
-        counted = min(self.memory.number(0x607200), self.memory.number(0x607300)) * _PERMILLE
-        return min(counted, PEAK_CURRENT, self.variant.clamp or math.inf)
+    @property
+    def deaf_still(self) -> bool:
+        """Whether it was enabled too short a time ago to take commands."""
+        return self.now - self.power.since < self.variant.deaf_for
+
+    def _limit(self, side: int) -> float:
+        """Largest current (A) to the side that this object limits."""
+        counts = [self.memory.number(key) for key in (0x607200, 0x607300)]
+        counts += [self.memory.number(side)] if self.variant.more and side in self.memory else []
+        return min(min(counts) * PERMILLE, PEAK_CURRENT, self.variant.clamp or math.inf)
 
     def lose(self, monitor: str) -> None:
         """The connection is lost: CiA 402, 0x6007."""
@@ -214,29 +238,15 @@ class Drive:
 
     def show(self) -> None:
         """The moving objects, as a reader finds them now."""
-        sign = -1 if self.memory.number(0x607E00) & 0x80 else 1
-        counts = self.variant.start_counts + round(self.plant.angle * _COUNTS_PER_RAD) - self.homing.origin
         self.memory.live |= {
             0x604100: self._statusword(),
-            0x606100: self._mode_display(),
-            0x606400: (sign * counts + 2**31) % 2**32 - 2**31,
-            0x606C00: sign * round(self.plant.speed * _COUNTS_PER_RAD),
-            0x607700: round(self.current() / _PERMILLE),
+            0x606100: display.mode(self),
+            **display.measured(self),
         }
 
     def _statusword(self) -> int:
-        following = self.power.state is State.OPERATION_ENABLED and self.mode == CST
-        bits = self.power.state.value | 0x10 | _REMOTE | (_FOLLOWS if following else 0)
-        if self.mode == HM and self._enabled:
-            bits |= self.homing.bits
-        if self.variant.clamp_told and abs(self.target * _PERMILLE) > self._limit():
-            bits |= _LIMIT
-        return bits & _WORD & ~self.missing_bits
-
-    def _mode_display(self) -> int:
-        enabled = self.power.state is State.OPERATION_ENABLED
-        shown = {"at once": True, "enabled": enabled, "never": False}[self.variant.mode_display]
-        return self.mode if shown else 0
+        self._toggle ^= self.variant.toggled_bits
+        return display.statusword(self) ^ self._toggle
 
     def _sample(self) -> None:
         powered = self.power.state in POWERED
@@ -247,6 +257,6 @@ class Drive:
         stops = self.memory.number(0x600700) in (1, 2, 3)
         self.note(
             "sample", x=self.plant.table, v=self.plant.speed * METRES_PER_RAD, current=self.current(),
-            command=self.target * _PERMILLE, powered=powered, enabled=self.power.state is State.OPERATION_ENABLED,
+            command=self.target * PERMILLE, powered=powered, enabled=self.power.state is State.OPERATION_ENABLED,
             monitors=self.monitors.armed() if stops else [],
         )  # fmt: skip

@@ -43,6 +43,26 @@ def _boot(drive: Drive) -> None:
     drive.wants_boot = True
 
 
+def _storm(drive: Drive) -> None:
+    drive.storms = True
+
+
+def _untold(drive: Drive) -> None:
+    """The fault is in 0x603F alone."""
+    drive.memory.live |= {0x603F00: 0x2310, 0x100100: 1}
+    drive.power.trip(0, "fault 0x2310")
+
+
+def _switched_on(drive: Drive) -> None:
+    drive.power.to(State.SWITCHED_ON, "the drive's own")
+
+
+def _voltage(drive: Drive) -> None:
+    """No power reaches the motor; the state stays."""
+    drive.missing_bits |= 1 << 4
+    drive.deaf = True
+
+
 EVENTS: dict[str, Callable[[Drive], None]] = {
     "remote-lost": _remote,
     "follow-lost": _follow,
@@ -53,6 +73,10 @@ EVENTS: dict[str, Callable[[Drive], None]] = {
     "emergency": lambda drive: drive.emergency(0x4210),
     "fault": lambda drive: drive.trip(0x2310),
     "disabled": _disabled,
+    "emergency-storm": _storm,
+    "fault-untold": _untold,
+    "switched-on": _switched_on,
+    "voltage-lost": _voltage,
 }
 
 

@@ -12,6 +12,7 @@ from tests.zoo.objects import WIDTHS, objects
 from tests.zoo.variants import ABSENT, NOT_NOW, PDO_LOST, READ_ONLY, Variant
 
 _NO_SUBINDEX, _NOT_MAPPABLE, _TOO_LONG, _INVALID = 0x0609_0011, 0x0604_0041, 0x0604_0042, 0x0609_0030
+_GENERAL = 0x0800_0000
 _PDO_PARAMETERS, _PDO_MAPPINGS = (0x1400, 0x1401, 0x1800, 0x1801), (0x1600, 0x1601, 0x1A00, 0x1A01)
 
 
@@ -34,6 +35,10 @@ class Memory(canopen.LocalNode):
         for row in objects(self.variant, self.number_of_node):
             variable = self._find_object(row.key >> 8, row.key & 0xFF)
             self.data_store.setdefault(row.key >> 8, {})[row.key & 0xFF] = variable.encode_raw(row.value)
+
+    def __contains__(self, key: int) -> bool:
+        """Whether its dictionary has this object."""
+        return key >> 8 in self.data_store and key & 0xFF in self.data_store[key >> 8]
 
     def raw(self, key: int) -> bytes:
         """Data of an object, as it is inside the drive."""
@@ -73,6 +78,8 @@ class Memory(canopen.LocalNode):
     def _must_exist(self, key: int) -> None:
         if key not in self.variant.absent:
             return
+        if self.variant.vague_aborts:
+            raise SdoAbortedError(_GENERAL)
         known = {row.key for row in objects(self.variant, self.number_of_node) if row.key >> 8 == key >> 8}
         raise SdoAbortedError(ABSENT if known <= set(self.variant.absent) or len(known) <= 2 else _NO_SUBINDEX)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import random
 import signal
 import struct
 import tempfile
@@ -16,14 +17,17 @@ import can
 import canopen
 
 from tests.zoo.diary import Writer
-from tests.zoo.drive import OPERATIONAL, PRE_OPERATIONAL, Drive
+from tests.zoo.display import OPERATIONAL, PRE_OPERATIONAL
+from tests.zoo.drive import Drive
 from tests.zoo.memory import Memory
 from tests.zoo.objects import write_eds
-from tests.zoo.variants import VARIANTS, Variant, named
+from tests.zoo.variants import SYNC_PRODUCER, VARIANTS, Variant, named
 
 TICK = 0.002  # s between looks at the monitors
 PRIORITY = 60  # of SCHED_FIFO, where this user may have it: a drive is never late
 STOPPED = 4
+PERIOD = 0.005  # s of a SYNC that the drive makes itself
+_ABORT = 0x80  # first byte of an SDO abort
 _NMT_STATES = {1: OPERATIONAL, 2: STOPPED, 128: PRE_OPERATIONAL}
 
 
@@ -35,16 +39,18 @@ class Line(canopen.Network):
         super().__init__(bus)
         self._variant, self._sdo = variant, 0x580 + node
         self._late: list[tuple[float, int, bytes]] = []
-        self.responses = 0
+        self.responses, self.busy = 0, False
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send, or keep for later."""
         if can_id == self._sdo:
             self.responses += 1
+            if self._variant.mute_aborts and data[0] == _ABORT:
+                return
             if self._variant.drops_every and self.responses % self._variant.drops_every == 0:
                 return
-            if self._variant.sdo_delay:
-                self._late.append((time.monotonic() + self._variant.sdo_delay, can_id, bytes(data)))
+            if delay := max(self._variant.sdo_delay, self.busy * self._variant.sdo_delay_operational):
+                self._late.append((time.monotonic() + delay, can_id, bytes(data)))
                 return
         super().send_message(can_id, data, remote)
 
@@ -69,7 +75,7 @@ class Node:
         self._memory.associate_network(self._line)
         self.drive = Drive(variant, self._memory, self._line.send_message, diary.note)
         self._wakes, self._resets_at = 0.0, float("inf")  # times: boot-up message, end of the time after a reset
-        self._beat = 0.0
+        self._beat, self._jitter, self._made = 0.0, random.Random(0), 0.0
         self._rebooted, self._requests = False, 0
         self.over = False
 
@@ -96,12 +102,21 @@ class Node:
         if self._asleep and now >= self._wakes:
             self._wakes = 0.0
             self.note("boot")
-            self._line.send_message(0x700 + self.id, b"\0")
+            if not self.variant.boots_in_silence:
+                self._line.send_message(0x700 + self.id, b"\0")
         self._produce(now)
+        if not self._asleep and self._sync & SYNC_PRODUCER and now - self._made >= PERIOD:
+            self._made = now
+            self._line.send_message(self._sync & 0x7FF, b"")
+
+    @property
+    def _sync(self) -> int:
+        return self._memory.number(0x100500)
 
     def _produce(self, now: float) -> None:
         """The heartbeat of 0x1017."""
         period = self._memory.number(0x101700) / 1000.0
+        period *= 1.0 + self.variant.heartbeat_jitter * self._jitter.uniform(-1.0, 1.0) if period else 0.0
         if not self._asleep and period and now - self._beat >= period:
             self._beat = now
             self._line.send_message(0x700 + self.id, bytes([self.drive.nmt]))
@@ -119,9 +134,8 @@ class Node:
         if message.is_remote_frame:
             if number == 0x700 + self.id:
                 self._line.send_message(number, self.drive.monitors.guarded(self.drive.nmt, now))
-        elif number == 0x80:
-            self.drive.tick(now)
-            self.drive.sync()
+        elif number == self._sync & 0x7FF:
+            self._hear_sync(data, now)
         elif number == 0 and len(data) == 2 and data[1] in (0, self.id):
             self._nmt(data[0], now)
         elif number == 0x600 + self.id:
@@ -130,6 +144,15 @@ class Node:
             self.drive.monitors.heartbeat(number - 0x700, now)
         else:
             self.drive.process_data(number, data)
+
+    def _hear_sync(self, data: bytes, now: float) -> None:
+        """CiA 301, 7.2.5: with a counter exactly where 0x1019 is set."""
+        counted = 0x101900 in self._memory and self._memory.number(0x101900) > 1
+        if len(data) != counted:
+            self.drive.emergency(0x8240)
+            return
+        self.drive.tick(now)
+        self.drive.sync()
 
     def _nmt(self, command: int, now: float) -> None:
         if command in (129, 130):
@@ -142,6 +165,7 @@ class Node:
         if self.drive.nmt == STOPPED:
             return
         self.drive.show()
+        self._line.busy = self.drive.nmt == OPERATIONAL
         with contextlib.suppress(struct.error):  # a frame that is too short
             self._line.notify(number, bytearray(data), now)
         self._requests += 1
@@ -172,7 +196,7 @@ def main() -> None:
     variant = named(words.variant)
     if words.reboot_after:
         variant = variant.changed(reboot_after=words.reboot_after)
-    node = Node(variant, words.node, words.channel, Writer(words.diary))
+    node = Node(variant, variant.answers_as or words.node, words.channel, Writer(words.diary))
 
     def end(number: int, frame: FrameType | None) -> None:
         node.over = True

@@ -4,23 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from tests.zoo.plant import COUNTS, RATED_CURRENT
-from tests.zoo.variants import PDO_LOST, Variant
+from tests.zoo.variants import PDO_LOST, Object, Variant
 
 _TYPES = {"i8": 2, "i16": 3, "i32": 4, "u8": 5, "u16": 6, "u32": 7, "str": 9}
-
-
-class Object(NamedTuple):
-    """One entry."""
-
-    key: int  # index << 8 | subindex
-    name: str
-    type: str
-    access: str
-    value: int | str
-    record: bool = False
 
 
 def _simple(*rows: tuple[int, str, str, str, int | str]) -> list[Object]:
@@ -47,6 +35,7 @@ def _pdo(index: int, mapping: int, name: str, cob_id: int, mapped: tuple[int, ..
 
 
 WIDTHS = {0x604000: 16, 0x604100: 16, 0x606000: 8, 0x606100: 8, 0x606400: 32, 0x606C00: 32, 0x607100: 16, 0x607700: 16}
+WIDTHS |= {0x234000: 32}
 
 
 def entry(key: int) -> int:
@@ -61,6 +50,7 @@ def objects(variant: Variant, node: int) -> list[Object]:
         *_pdos(variant, node),
         *_profile(),
         *(_homing() if variant.homing not in ("", "absent") else ()),
+        *variant.more,
     ]
     return [row._replace(value=variant.values.get(row.key, row.value)) for row in table]
 

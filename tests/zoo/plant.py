@@ -28,18 +28,25 @@ class Plant:
         """At rest at 0; `gravity` (N m) pulls towards negative positions."""
         self.gravity = gravity
         self.angle = self.speed = 0.0
-        self.braked = gravity != 0.0
-        self._time = -1.0
+        self.braked = self._wanted = gravity != 0.0
+        self._time, self._due = -1.0, 0.0
+
+    def brake(self, closed: bool, takes: float) -> None:
+        """Close or open the brake, which takes so long (s): by its springs, not when a busy process looks again."""
+        if closed != self._wanted:
+            self._wanted, self._due = closed, self._time + takes
 
     def advance(self, now: float, torque: float, braking: float = 0.0) -> None:
         """Move on to the time `now` (s) under a constant motor torque (N m), and one that only brakes."""
         gap = 0.0 if self._time < 0.0 else min(now - self._time, _LONGEST_GAP)
         self._time = now
         steps = math.ceil(gap / _STEP)
-        for _ in range(steps):
-            self._step(gap / steps, torque, braking)
+        for step in range(steps):
+            self._step(now - gap + (step + 1) * gap / steps, gap / steps, torque, braking)
 
-    def _step(self, dt: float, torque: float, braking: float) -> None:
+    def _step(self, time: float, dt: float, torque: float, braking: float) -> None:
+        if time >= self._due:
+            self.braked = self._wanted
         if self.braked:
             self.speed = 0.0
             return

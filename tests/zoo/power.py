@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import time
 from collections.abc import Callable
 
 
@@ -26,6 +27,7 @@ class State(enum.Enum):
 POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 RAMPS = (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 _S = State
+_UPWARD = (State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED)
 _VOLTAGE_OFF = {_S.READY_TO_SWITCH_ON, _S.SWITCHED_ON, _S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE}
 _ORDERS: tuple[tuple[int, int, dict[State, State]], ...] = (  # mask, bits, transitions; the first match counts
     (0x02, 0x00, dict.fromkeys(_VOLTAGE_OFF, _S.SWITCH_ON_DISABLED)),  # disable voltage: 7, 9, 10, 12
@@ -41,9 +43,10 @@ _ORDERS: tuple[tuple[int, int, dict[State, State]], ...] = (  # mask, bits, tran
 class Power:
     """The state, and what leads to another one."""
 
-    def __init__(self, note: Callable[..., None], reset_hold: float) -> None:
-        """In Switch on disabled; `note` writes the diary."""
-        self.state = State.SWITCH_ON_DISABLED
+    def __init__(self, note: Callable[..., None], reset_hold: float, transition_time: float) -> None:
+        """In Switch on disabled; `note` writes the diary; each step towards power takes `transition_time` (s)."""
+        self.state, self.since = State.SWITCH_ON_DISABLED, 0.0  # and the time at which it was entered
+        self._transition_time = transition_time
         self.may_enable = True  # a lack of the variant may forbid it
         self._note = note
         self._hold = reset_hold
@@ -54,7 +57,7 @@ class Power:
     def to(self, state: State, why: str) -> None:
         """Enter a state."""
         if state is not self.state:
-            self.state = state
+            self.state, self.since = state, time.monotonic()
             self._note("state", state=state.title, why=why)
 
     def order(self, controlword: int, now: float) -> None:
@@ -66,13 +69,19 @@ class Power:
             self._pressed = now
         self._controlword = controlword
         self.hold(now)
+        self._obey(now)
+
+    def _obey(self, now: float) -> None:
+        controlword = self._controlword
         for mask, bits, transitions in _ORDERS:
             if controlword & mask == bits:
-                self._follow(transitions, controlword)
+                self._follow(transitions, now)
                 return
 
     def hold(self, now: float) -> None:
-        """Reset the fault once bit 7 has been set for long enough."""
+        """Reset the fault once bit 7 has been set for long enough; go on with a step that takes its time."""
+        if self._transition_time:
+            self._obey(now)
         if (
             self.state is State.FAULT
             and not self.cause
@@ -82,11 +91,13 @@ class Power:
             self._pressed = None
             self.to(State.SWITCH_ON_DISABLED, "fault reset")
 
-    def _follow(self, transitions: dict[State, State], controlword: int) -> None:
+    def _follow(self, transitions: dict[State, State], now: float) -> None:
         target = transitions.get(self.state)
         if target is None or (target is State.OPERATION_ENABLED and not self.may_enable):
             return
-        self.to(target, f"controlword 0x{controlword:04X}")
+        if target in _UPWARD and self.state not in POWERED and now - self.since < self._transition_time:
+            return
+        self.to(target, f"controlword 0x{self._controlword:04X}")
 
     def trip(self, reaction: int, why: str) -> None:
         """A fault; `reaction` is 0x605E: 0 cuts the power, others brake first."""

@@ -80,7 +80,6 @@ limits:
 realtime:
   priority: 80
   late_limit: 100
-  feedback_age: 100
 simulation:
   clock: wall
 """

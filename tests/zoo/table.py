@@ -34,6 +34,7 @@ class Row:
     )  # objects that must hold one of these at the end
     served: frozenset[str] | None = None  # what a service must do where it differs: a fault is reset there
     bare: bool = False  # power without a monitor that stops is accepted by name in `wire`
+    holding: bool = False  # after the loss of its controller it holds the axis itself, in Quick stop active
     name: str = ""  # of a second row with the same variant
 
     @property
@@ -120,6 +121,45 @@ ROWS = [
     # Its 0x1029:01 is 0: on a lost heartbeat it leaves operational (CiA 301), so that this is the lack it has.
     _accepted("abort-connection-absent", "nmt_reaction", bare=True),
     _accepted("other-encoder", "encoder_resolution"),
+    # Ways of drives that come from their manuals.
+    _row("voltage-bit-missing", MOVES),
+    _row("vendor-bits", MOVES),
+    _row("quick-stop-bit-inverted", REFUSES, "quick stop active|bit 5|statusword"),
+    _row("remote-when-operational", MOVES),
+    _row("follows-never", MOVES | REFUSES, "bit 12"),
+    _row("follows-never", MOVES, name="follows-never-told", wire={"watched_bits": "[9]"}),
+    _row("mode-display-late", MOVES),
+    _row("slow-transitions", MOVES),
+    _row("deaf-after-enable", MOVES | REFUSES, "bit 12"),
+    _row("deaf-after-enable-untold", MOVES | REFUSES | STOPS, "current"),
+    _row("slow-sdo-under-load", MOVES),
+    _row("vague-aborts", MOVES | REFUSES, "General error"),
+    _row("mute-aborts", MOVES | REFUSES, "0x1006|0x6087"),
+    _row("sync-counter", MOVES, written={0x101900: (0,)}),
+    _row("sync-counter-fixed", REFUSES, "0x1019"),
+    _row("sync-producer", MOVES | REFUSES, "0x1005|SYNC"),
+    _row("sync-other-id", MOVES, written={0x100500: (0x80,)}),
+    _row("sync-other-id-fixed", REFUSES, "0x1005"),
+    _row("inhibit-time", MOVES),
+    _row("inhibit-time-fixed", REFUSES, "0x1800", "inhibit", never=_ALWAYS_NEVER),
+    _row("gear", REFUSES | STOPS, "0x6091|gear"),
+    _row("gear-fixed", REFUSES | STOPS, "0x6091|gear"),
+    _row("torque-limit-one-side", MOVES | REFUSES | STOPS, "0x60E0|current"),
+    _row("torque-limit-one-side-fixed", REFUSES | STOPS, "0x60E0|current"),
+    _row("milliamperes", MOVES),
+    _row("current-reversed", STOPS | REFUSES, "current"),
+    _row("current-not-measured", STOPS | REFUSES, "current"),
+    _row("quick-stop-holds", MOVES | REFUSES, "0x605A", holding=True),
+    _row("quick-stop-coasts", MOVES | REFUSES, "0x605A"),
+    _row("heartbeat-jitter", MOVES),
+    _row("other-node", REFUSES, "node id", never=_ALWAYS_NEVER),
+    _row("starts-operational", MOVES),
+    _row("starts-enabled", MOVES | REFUSES, "operation enabled", bare=True),  # its power is not ours
+    _row("emergency-storm", STOPS, "0x8110"),
+    _row("fault-untold", STOPS, "state fault"),
+    _row("switched-on-in-motion", STOPS, "switched on|Operation enabled"),
+    _row("voltage-lost", STOPS, "bit 4|voltage|current"),
+    _row("reboot-in-silence", STOPS, "boot|answer|switch on disabled", never=_ALWAYS_NEVER),
 ]
 LACKS = [
     _row(f"without:{key:06X}", REFUSES if key == 0x600700 else MOVES, *(["0x6007"] if key == 0x600700 else []))

@@ -53,7 +53,7 @@ def test_it_stands_within_the_distance(title: str, tmp_path: Path) -> None:
     files = prepared(tmp_path, row, LONG_MOTION)
     with drive(row.variant, files) as diary, _running(run_command(files)) as process:
         killed = _kill_in_motion(process, diary)
-        until(diary.stands, lambda: diary.last, seconds=60.0)
-        assert unsafe(diary) + fallen(row, diary) == []
+        until(lambda: diary.stands(row.holding), lambda: diary.last, seconds=60.0)
+        assert unsafe(diary, holding=row.holding) + fallen(row, diary) == []
         if killed:
             assert diary.moved_after(killed) <= longest_stop(diary)

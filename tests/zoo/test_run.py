@@ -10,7 +10,7 @@ from tests.zoo.bench import last_words, objections, run
 from tests.zoo.sample import sample
 from tests.zoo.table import EVERY, ROWS
 
-SLOW = ("slow-sdo", "drops-sdo")  # 25 s and 8 s
+SLOW = ("slow-sdo", "drops-sdo", "slow-sdo-under-load", "mute-aborts", "other-node")  # 8 to 40 s
 SOME_LACKS = ("without:603F00", "without:605A00", "without:60C201")
 FEW = [title for title in (*(row.title for row in ROWS), *SOME_LACKS) if title not in SLOW]
 
@@ -20,3 +20,11 @@ def test_it_ends_as_the_table_says(title: str, tmp_path: Path) -> None:
     row = EVERY[title]
     result = run(tmp_path, row)
     assert objections(result, row) == [], last_words(result.words)
+
+
+def test_power_that_is_found_is_taken_before_the_set_up(tmp_path: Path) -> None:
+    """A drive that changes its mode under power would act on the torque that somebody left in it."""
+    diary = run(tmp_path, EVERY["starts-enabled"]).diary
+    off = next(line["t"] for line in diary.lines("state") if line["state"] == "switch on disabled")
+    written = [line["t"] for line in diary.lines("sdo") if line["key"] != 0x604000]
+    assert off < min(written)

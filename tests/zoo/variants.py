@@ -8,11 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 ABSENT, READ_ONLY = 0x0602_0000, 0x0601_0002  # SDO abort codes: object does not exist; attempt to write a constant
 NOT_NOW = 0x0800_0022  # cannot be transferred because of the present device state
 PDO_LOST = 0x8000_0000  # bit 31 of a COB-ID: the PDO does not exist
+
+
+class Object(NamedTuple):
+    """One entry of an object dictionary."""
+
+    key: int  # index << 8 | subindex
+    name: str
+    type: str
+    access: str
+    value: int | str
+    record: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,6 +60,25 @@ class Variant:
     needs_interpolation: bool = False  # 0x60C2:01 must not be 0 when it is enabled
     homing: str = ""  # how its mode 6 goes: see `homing.py`; empty: it has none
     second_node: bool = False  # a strange drive with node id 6 is on the same bus
+    more: tuple[Object, ...] = ()  # entries of the dictionary that the plain drive has not
+    missing_bits: int = 0  # of the statusword
+    extra_bits: int = 0
+    inverted_bits: int = 0
+    toggled_bits: int = 0  # change with each answer
+    remote_when_operational: bool = False  # bit 9 follows the NMT state
+    mode_lag: float = 0.0  # s until 0x6061 shows what 0x6060 says
+    transition_time: float = 0.0  # s that each step towards power takes
+    deaf_for: float = 0.0  # s after enabling in which commands have no effect
+    deaf_told: bool = True  # by bit 12 meanwhile
+    sdo_delay_operational: float = 0.0  # s, while process data run
+    vague_aborts: bool = False  # each abort is a general error
+    mute_aborts: bool = False  # no answer instead of an abort
+    boots_in_silence: bool = False  # no boot-up message
+    heartbeat_jitter: float = 0.0  # share of the period to either side
+    answers_as: int = 0  # node id that it really has; 0: the right one
+    starts_operational: bool = False  # boots into Operational by itself, and sends by event
+    starts_enabled: bool = False  # the process begins under power, as somebody left it
+    current_sign: int = 1  # of the measured current: -1 reversed, 0 not measured
     wire: Mapping[str, str] = field(default_factory=dict)  # lines of the stage file's block `drive.wire`
 
     def changed(self, **changes: Any) -> Variant:
@@ -71,6 +101,20 @@ OPTIONAL = (  # objects that a CiA 402 torque drive may lack
     *keys(0x6007, 0x603F, 0x605A, 0x605B, 0x605C, 0x605E, 0x6065, 0x6072, 0x6073, 0x6075, 0x6076, 0x607E, 0x6080),
     *keys(0x6085, 0x6087), 0x608F01, 0x60C201, *keys(0x6502),
 )  # fmt: skip
+
+SYNC_COUNTER = Object(0x101900, "Synchronous counter overflow", "u8", "rw", 10)
+TORQUE_LIMITS = (
+    Object(0x60E000, "Positive torque limit", "u16", "rw", 60),
+    Object(0x60E100, "Negative torque limit", "u16", "rw", 1600),
+)
+GEAR = (
+    Object(0x609100, "Highest sub-index", "u8", "const", 2, True),
+    Object(0x609101, "Gear ratio motor revolutions", "u32", "rw", 2, True),
+    Object(0x609102, "Gear ratio shaft revolutions", "u32", "rw", 1, True),
+)
+MILLIAMPERES = (Object(0x234000, "Current demand", "i32", "rw", 0),)
+SYNC_PRODUCER = 0x4000_0000  # bit 30 of 0x1005: the drive makes SYNC itself
+
 
 VARIANTS: dict[str, Variant] = {
     "plain": Variant("as the standard says; all objects writable"),
@@ -151,6 +195,52 @@ VARIANTS: dict[str, Variant] = {
     "drops-sdo": Variant("each 15th SDO response is lost", drops_every=15),
     "slow-sdo": Variant("answers SDOs after 400 ms", sdo_delay=0.4),
     "two-nodes": Variant("a strange node is on the same bus", second_node=True),
+    # Ways of drives that come from their manuals.
+    "voltage-bit-missing": Variant("bit 4, voltage enabled, is never set", missing_bits=1 << 4),
+    "vendor-bits": Variant("bits 7, 8, 14 and 15 are set, and bit 10 toggles", extra_bits=0xC180, toggled_bits=1 << 10),
+    "quick-stop-bit-inverted": Variant("bit 5 of the statusword is inverted", inverted_bits=1 << 5),
+    "remote-when-operational": Variant("bit 9 only in the NMT state Operational", remote_when_operational=True),
+    "follows-never": Variant("old firmware: no bit 12", missing_bits=1 << 12),
+    "mode-display-late": Variant("0x6061 follows after 20 ms", mode_lag=0.02),
+    "slow-transitions": Variant("each step towards power takes 400 ms", transition_time=0.4),
+    "deaf-after-enable": Variant("commands have no effect for 100 ms after enabling; bit 12 says so", deaf_for=0.1),
+    "deaf-after-enable-untold": Variant("the same, and bit 12 is set all the time", deaf_for=0.1, deaf_told=False),
+    "slow-sdo-under-load": Variant("SDOs take 300 ms in Operational", sdo_delay_operational=0.3),
+    "vague-aborts": Variant(
+        "what is absent is a general error", absent=OPTIONAL[:-6], vague_aborts=True, values={0x600700: 1}
+    ),
+    "mute-aborts": Variant("what it does not know, it does not answer", absent=keys(0x1006, 0x6087), mute_aborts=True),
+    "sync-counter": Variant("wants a counter in SYNC, 0x1019 is writable", more=(SYNC_COUNTER,)),
+    "sync-counter-fixed": Variant("the same, read-only", more=(SYNC_COUNTER,), read_only=keys(0x1019)),
+    "sync-producer": Variant("makes SYNC itself until it is told not to", values={0x100500: SYNC_PRODUCER | 0x80}),
+    "sync-other-id": Variant("waits for another SYNC frame", values={0x100500: 0x81}),
+    "sync-other-id-fixed": Variant("the same, read-only", values={0x100500: 0x81}, read_only=keys(0x1005)),
+    "inhibit-time": Variant("the TPDO has an inhibit time of 12 ms", values={0x180003: 120}),
+    "inhibit-time-fixed": Variant("the same, read-only", values={0x180003: 120}, read_only=(0x180003,)),
+    "gear": Variant("0x6091 scales the position to half of the counts, writable", more=GEAR),
+    "gear-fixed": Variant("the same, read-only", more=GEAR, read_only=(0x609101, 0x609102)),
+    "torque-limit-one-side": Variant("0x60E0 limits torque to one side only", more=TORQUE_LIMITS),
+    "torque-limit-one-side-fixed": Variant("the same, read-only", more=TORQUE_LIMITS, read_only=keys(0x60E0, 0x60E1)),
+    "milliamperes": Variant(
+        "takes commands in mA, 32 bits wide, in an object of its own",
+        more=MILLIAMPERES,
+        absent=keys(0x6071),
+        rpdo=(0x604000, 0x234000),
+        wire={"command_object": "0x2340_00", "command_scale": "1 mA", "rpdo": "[0x6040_00, 0x2340_00]"},
+    ),
+    "current-reversed": Variant("the measured current has the opposite sign", current_sign=-1),
+    "current-not-measured": Variant("0x6077 stays 0", current_sign=0),
+    "quick-stop-holds": Variant("stays in Quick stop active, fixed", values={0x605A00: 6}, read_only=keys(0x605A)),
+    "quick-stop-coasts": Variant("0x605A cuts the power, fixed", values={0x605A00: 0}, read_only=keys(0x605A)),
+    "heartbeat-jitter": Variant("its heartbeat varies by 30 %", heartbeat_jitter=0.3),
+    "other-node": Variant("has lost its address: answers as node 6", answers_as=6),
+    "starts-operational": Variant("boots into Operational by itself, TPDO by event", starts_operational=True),
+    "starts-enabled": Variant("left under power in another mode, with a torque in 0x6071", starts_enabled=True),
+    "emergency-storm": Variant("an EMCY every 2 ms in motion, without a fault", in_motion="emergency-storm"),
+    "fault-untold": Variant("a fault in motion without EMCY", in_motion="fault-untold"),
+    "switched-on-in-motion": Variant("falls back to Switched on in motion", in_motion="switched-on"),
+    "voltage-lost": Variant("the power supply goes in motion: bit 4 falls, no fault", in_motion="voltage-lost"),
+    "reboot-in-silence": Variant("boots in motion and does not say so", in_motion="reboot", boots_in_silence=True),
 }
 
 # Drives that are asked to home themselves; they are tried by `test_homing.py`, as no motion of the table does it.

@@ -43,7 +43,7 @@ def compute(order: Order, paced: bool) -> dict[str, Any]:
     assert isinstance(job.wire, Canopen)
     od = load_eds(job.wire.eds, job.wire.node)
     command, answer = CommandPdo(job.wire, od), FeedbackPdo(job.wire, od)
-    ring, dt = Ring(job.ring, order.post.width, order.post.capacity), order.post.dt
+    ring, dt = Ring(*job.ring), order.post.dt
     source = Rows(orders.Board(job.board), int(order.move.numbers[0]), len(order.frames), 0.0)
     state, step, nan = law.AT_REST, job.stage.encoder.step, math.nan
     marks = [array("q") for _ in PARTS]

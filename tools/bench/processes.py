@@ -99,7 +99,7 @@ def _run(channel: str, path: Path) -> Facts:
     motion = trajectory(_MOTION)
     about = describe(one.setup, one.plan, one.controller, motion.name, motion.read_text(encoding="utf-8"))
     meta = {**about, "drive": connected["drive"]}
-    _send(recorder, Order(ring.descriptor, ring.width, ring.capacity, alive, str(path), meta, rollout.COLUMNS))
+    _send(recorder, Order(ring.place, alive, str(path), meta, rollout.COLUMNS))
     assert recorder.stdout is not None
     assert loop.stdin is not None
     recorder.stdout.readline()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stagectl.config.manual_reference import Block, stage_blocks, trajectory_blocks
+from file_entries import Block, stage_blocks, trajectory_blocks
 
 UNITS = (
     "Values carry their unit: `12 mm`, `40 Hz`, `0.72 N m/A`. Any unit of the same kind is accepted. Where two units "

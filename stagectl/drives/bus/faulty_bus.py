@@ -8,7 +8,7 @@ import random
 from collections.abc import Callable, Iterator
 from typing import Any, Literal, NamedTuple, TypeVar
 
-from stagectl.drives.bus.frames import Bus, frame, parse
+from stagectl.drives.bus.frames import EMERGENCY, HEARTBEAT, SDO_ANSWER, SDO_REQUEST, SYNC, TPDO, Bus, frame, parse
 from stagectl.drives.limits import BABBLE_FRAMES
 
 Undo = Callable[[], None]
@@ -31,13 +31,13 @@ def added(entries: list[_T], entry: _T) -> Undo:
 
 def kind(identifier: int) -> str:
     """What a frame is for, by CiA 301's predefined connection set."""
-    if identifier == 0x080:
+    if identifier == SYNC:
         return "sync"
-    if identifier < 0x180:
-        return "emcy" if identifier > 0x080 else "nmt"
-    if identifier < 0x580:
+    if identifier < TPDO:
+        return "emcy" if identifier > EMERGENCY else "nmt"
+    if identifier < SDO_ANSWER:
         return "tpdo" if identifier & 0x080 else "rpdo"
-    names = {0x580: "sdo answer", 0x600: "sdo request", 0x700: "heartbeat"}
+    names = {SDO_ANSWER: "sdo answer", SDO_REQUEST: "sdo request", HEARTBEAT: "heartbeat"}
     return names.get(identifier & 0x780, "other")
 
 

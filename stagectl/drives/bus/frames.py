@@ -18,6 +18,11 @@ FRAME = struct.Struct("<IB3x8s")  # struct can_frame of linux/can.h, little-endi
 REMOTE = 0x4000_0000  # flag in the identifier: remote transmission request
 EXTENDED = 0x8000_0000  # flag in the identifier: 29 bits
 
+# Identifiers of the predefined connection set (CiA 301, 7.3.5), less the id of the node where a frame has one.
+NMT, SYNC, EMERGENCY, TPDO, RPDO = 0x000, 0x080, 0x080, 0x180, 0x200
+SDO_ANSWER, SDO_REQUEST, HEARTBEAT = 0x580, 0x600, 0x700
+MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it
+
 
 class BusError(DriveError):
     """A bus that cannot be opened; the message names the fix."""

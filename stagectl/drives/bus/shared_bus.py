@@ -15,12 +15,11 @@ import struct
 import time
 from collections.abc import Callable
 
-from stagectl.drives.bus.frames import Bus
+from stagectl.drives.bus.frames import HEARTBEAT, MASTER, SYNC, TPDO, Bus
 from stagectl.drives.limits import PORT_QUEUE
 
-_SYNC = 0x080
 _HEAD = struct.Struct("<I")
-_OWN_ONCE = (_SYNC, 0x700 + 127)  # SYNC and our heartbeat: one for all drives
+_OWN_ONCE = (SYNC, HEARTBEAT + MASTER)  # SYNC and our heartbeat: one for all drives
 
 
 class Ports:
@@ -42,7 +41,7 @@ class Ports:
         """One frame of the port of `node`; what concerns all drives goes out once."""
         assert self._bus is not None
         identifier = _HEAD.unpack_from(frame)[0]
-        if identifier == _SYNC and self.leads(node):
+        if identifier == SYNC and self.leads(node):
             for port in self._ports.values():
                 port.renew()
         if identifier not in _OWN_ONCE or self.leads(node):
@@ -99,7 +98,7 @@ class Port:
 
     def renew(self) -> None:
         """Drop an answer to an earlier SYNC: a new one is sent."""
-        stale = 0x180 + self.node
+        stale = TPDO + self.node
         self.waiting = collections.deque(
             (raw for raw in self.waiting if _HEAD.unpack_from(raw)[0] != stale), PORT_QUEUE
         )

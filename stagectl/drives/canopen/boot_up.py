@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stagectl.drives.bus.frames import REMOTE, frame
+from stagectl.drives.bus.frames import HEARTBEAT, REMOTE, frame
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoCommunicationError, SdoError
 from stagectl.drives.canopen.network import PumpedNetwork
@@ -68,7 +68,7 @@ class BootUp:
     def _nmt_state(self) -> str:
         """By heartbeat, or by node guarding, which is asked once."""
         if self._objects.nmt_state is None:
-            self._network.wire.send(frame(REMOTE | 0x700 + self._settings.node))
+            self._network.wire.send(frame(REMOTE | HEARTBEAT + self._settings.node))
             self._until(self._now() + STATE_TIME, lambda: self._objects.nmt_state is not None)
         state = self._objects.nmt_state
         return "unknown" if state is None else cia402.NMT_WORDS.get(state, f"{state}")

@@ -6,16 +6,7 @@ import collections
 import enum
 import itertools
 
-from stagectl.drives.limits import (
-    CERTAIN_CYCLES,
-    CREEP,
-    FASTER_FACTOR,
-    FASTER_SLACK,
-    LONGER_FACTOR,
-    SETTLING_TIME,
-    SILENT_CYCLES,
-    SPEED_WINDOW,
-)
+from stagectl.drives import limits
 
 
 class SpeedEstimate:
@@ -23,7 +14,7 @@ class SpeedEstimate:
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
-        self._positions: collections.deque[float] = collections.deque(maxlen=SPEED_WINDOW + 1)
+        self._positions: collections.deque[float] = collections.deque(maxlen=limits.SPEED_WINDOW + 1)
         self.add = self._positions.append
 
     @property
@@ -38,7 +29,7 @@ class SpeedEstimate:
 class ConsecutiveCycles:
     """A condition that must hold for several cycles in a row: one corrupted frame proves nothing."""
 
-    def __init__(self, cycles: int = CERTAIN_CYCLES) -> None:
+    def __init__(self, cycles: int = limits.CERTAIN_CYCLES) -> None:
         self._wanted, self._cycles = cycles, 0
 
     def certain(self, now: bool) -> bool:
@@ -67,11 +58,14 @@ class BrakingMonitor:
 
     def __init__(self, pace: SpeedEstimate, deceleration: float) -> None:
         """From the `pace` at which it begins, on a ramp of `deceleration` (rad/s^2 | m/s^2)."""
-        self._pace, self._silent = pace, ConsecutiveCycles(SILENT_CYCLES)
+        self._pace, self._silent = pace, ConsecutiveCycles(limits.SILENT_CYCLES)
         self._faster, self._unbraked = ConsecutiveCycles(), ConsecutiveCycles()
-        self._limit = FASTER_FACTOR * pace.speed + FASTER_SLACK * deceleration
-        self._half = 0.5 * pace.speed + CREEP * deceleration
-        self._cycles, self._long = 0, (LONGER_FACTOR * pace.speed / deceleration + SETTLING_TIME) / pace.dt
+        self._limit = limits.FASTER_FACTOR * pace.speed + limits.FASTER_SLACK * deceleration
+        self._half = 0.5 * pace.speed + limits.CREEP * deceleration
+        self._cycles, self._long = (
+            0,
+            (limits.LONGER_FACTOR * pace.speed / deceleration + limits.SETTLING_TIME) / pace.dt,
+        )
 
     def step(self, silent: bool) -> BrakingFailure:
         """The failure seen in this cycle, in which the drive was `silent` or not."""

@@ -17,7 +17,7 @@ from typing import TypeVar
 _Member = TypeVar("_Member", bound=enum.Enum)
 
 # objects of CiA 301
-DEVICE_TYPE, ERROR_REGISTER, ERROR_HISTORY, SYNC_COB_ID = 0x1000, 0x1001, 0x1003, 0x1005
+DEVICE_TYPE, ERROR_REGISTER, ERROR_HISTORY, SYNC_COB_ID, SYNC_COUNTER = 0x1000, 0x1001, 0x1003, 0x1005, 0x1019
 CYCLE_PERIOD, GUARD_TIME, LIFE_TIME_FACTOR, ERROR_BEHAVIOUR = 0x1006, 0x100C, 0x100D, 0x1029
 DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION = 0x1008, 0x1009, 0x100A
 CONSUMER_HEARTBEAT, PRODUCER_HEARTBEAT, IDENTITY = 0x1016, 0x1017, 0x1018
@@ -30,7 +30,8 @@ MODE, MODE_DISPLAY, SUPPORTED_MODES = 0x6060, 0x6061, 0x6502
 POSITION, VELOCITY, TARGET_TORQUE, ACTUAL_TORQUE = 0x6064, 0x606C, 0x6071, 0x6077
 RATED_CURRENT, QUICK_STOP_DECELERATION = 0x6075, 0x6085
 FOLLOWING_WINDOW, MAX_TORQUE, MAX_CURRENT, POLARITY = 0x6065, 0x6072, 0x6073, 0x607E
-MAX_SPEED, TORQUE_SLOPE, ENCODER, GEAR, INTERPOLATION_PERIOD = 0x6080, 0x6087, 0x608F, 0x6091, 0x60C2
+MAX_SPEED, TORQUE_SLOPE, ENCODER, GEAR, FEED = 0x6080, 0x6087, 0x608F, 0x6091, 0x6092
+INTERPOLATION_PERIOD, TORQUE_LIMITS = 0x60C2, (0x60E0, 0x60E1)  # the latter to positive and negative
 
 REMOTE, LIMITED, FOLLOWS = 1 << 9, 1 << 11, 1 << 12  # statusword: remote, internal limit active, follows the command
 DIGITAL_OUTPUTS, BRAKE_BIT = 0x60FE, 1  # subindex 1: the outputs, whose bit 0 sets the brake; 2: their mask
@@ -111,10 +112,8 @@ TRANSITIONS: dict[tuple[DriveState, DeviceCommand], DriveState] = {
     (DriveState.OPERATION_ENABLED, DeviceCommand.QUICK_STOP): DriveState.QUICK_STOP_ACTIVE,  # 11
     (DriveState.QUICK_STOP_ACTIVE, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 12
     (DriveState.FAULT, DeviceCommand.FAULT_RESET): DriveState.SWITCH_ON_DISABLED,  # 15
-    (
-        DriveState.QUICK_STOP_ACTIVE,
-        DeviceCommand.ENABLE_OPERATION,
-    ): DriveState.OPERATION_ENABLED,  # 16: options 5 to 8
+    # 16: options 5 to 8
+    (DriveState.QUICK_STOP_ACTIVE, DeviceCommand.ENABLE_OPERATION): DriveState.OPERATION_ENABLED,
 }
 
 # What a master sends in each state to come nearer to Operation enabled.
@@ -129,38 +128,21 @@ TOWARDS_ENABLED: dict[DriveState, DeviceCommand] = {
     DriveState.FAULT: DeviceCommand.FAULT_RESET,  # by a person's order alone
 }
 
+_COASTS = {0: "power off, the axis coasts"}
+_SLOWS = {1: "slow down ramp", 2: "quick stop ramp", 3: "current limit", 4: "voltage limit"}
+_SLOWS_THEN_OFF = _COASTS | {1: "slow down on the slow down ramp, then power off"}
 OPTIONS: dict[int, tuple[str, dict[int, str]]] = {
     QUICK_STOP_OPTION: (
         "quick stop option (0x605A)",
-        {
-            0: "power off, the axis coasts",
-            1: "slow down on the slow down ramp, then Switch on disabled",
-            2: "slow down on the quick stop ramp, then Switch on disabled",
-            3: "slow down on the current limit, then Switch on disabled",
-            4: "slow down on the voltage limit, then Switch on disabled",
-            5: "slow down on the slow down ramp and stay in Quick stop active",
-            6: "slow down on the quick stop ramp and stay in Quick stop active",
-            7: "slow down on the current limit and stay in Quick stop active",
-            8: "slow down on the voltage limit and stay in Quick stop active",
-        },
+        _COASTS
+        | {n: f"slow down on the {how}, then Switch on disabled" for n, how in _SLOWS.items()}
+        | {n + 4: f"slow down on the {how} and stay in Quick stop active" for n, how in _SLOWS.items()},
     ),
-    SHUTDOWN_OPTION: (
-        "shutdown option (0x605B)",
-        {0: "power off, the axis coasts", 1: "slow down on the slow down ramp, then power off"},
-    ),
-    DISABLE_OPTION: (
-        "disable operation option (0x605C)",
-        {0: "power off, the axis coasts", 1: "slow down on the slow down ramp, then power off"},
-    ),
+    SHUTDOWN_OPTION: ("shutdown option (0x605B)", _SLOWS_THEN_OFF),
+    DISABLE_OPTION: ("disable operation option (0x605C)", _SLOWS_THEN_OFF),
     FAULT_REACTION: (
         "fault reaction option (0x605E)",
-        {
-            0: "power off, the axis coasts",
-            1: "slow down on the slow down ramp",
-            2: "slow down on the quick stop ramp",
-            3: "slow down on the current limit",
-            4: "slow down on the voltage limit",
-        },
+        _COASTS | {n: f"slow down on the {how}" for n, how in _SLOWS.items()},
     ),
     ABORT_CONNECTION: (
         "abort connection option (0x6007)",
@@ -222,6 +204,11 @@ PDO_TOO_LONG, WRONG_LENGTH, NO_SUBINDEX, OUT_OF_RANGE = 0x0604_0042, 0x0607_0010
 WRONG_STATE = 0x0800_0022
 
 
+def shown(key: int) -> str:
+    """An object, index << 8 | subindex, as manuals write it: ``0x6040:00``."""
+    return f"0x{key >> 8:04X}:{key & 0xFF:02X}"
+
+
 def state(statusword: int) -> DriveState:
     """State in a statusword; Not ready to switch on where it holds none of the standard's states."""
     return _STATES[statusword & 0x6F]
@@ -245,18 +232,11 @@ def emergency(code: int) -> str:
     return next((words for mask, bits, words in EMERGENCIES if code & mask == bits), "unknown class")
 
 
-def _matching_state(bits: int) -> DriveState:
-    return _matching(DriveState, bits) or DriveState.NOT_READY
-
-
-def _matching_command(bits: int) -> DeviceCommand | None:
-    return _matching([c for c in DeviceCommand if c is not DeviceCommand.FAULT_RESET], bits)
-
-
 def _matching(members: Iterable[_Member], bits: int) -> _Member | None:
     """The first whose value (mask, bits) fits."""
     return next((member for member in members if bits & member.value[0] == member.value[1]), None)
 
 
-_STATES = [_matching_state(bits) for bits in range(0x70)]
-_COMMANDS = [_matching_command(bits) for bits in range(0x10)]
+_STATES = [_matching(DriveState, bits) or DriveState.NOT_READY for bits in range(0x70)]
+_LEVELS = [command for command in DeviceCommand if command is not DeviceCommand.FAULT_RESET]
+_COMMANDS = [_matching(_LEVELS, bits) for bits in range(0x10)]

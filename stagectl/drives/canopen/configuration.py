@@ -12,43 +12,25 @@ from typing import cast
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.boot_up import BootUp
-from stagectl.drives.canopen.identity import identify
+from stagectl.drives.canopen.found_power import take_power
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
 from stagectl.drives.canopen.object_rules import Wishes, obey
-from stagectl.drives.canopen.pdo import (
-    CommandPdo,
-    FeedbackPdo,
-    PdoMap,
-    needed_answer,
-    needed_command,
-    wished_rpdo,
-    wished_tpdo,
-)
-from stagectl.drives.canopen.pdo_setup import RPDO, TPDO, PdoSetup
+from stagectl.drives.canopen.pdo import RPDO, TPDO, CommandPdo, FeedbackPdo, PdoMap, wished
+from stagectl.drives.canopen.pdo_setup import PdoSetup
 from stagectl.drives.canopen.protection import NOT_OFFERED, Protection, Supervision, milliseconds
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.drive import Canopen, DriveError, Identity
 from stagectl.drives.homing import NO_HOMING, Homing
 from stagectl.drives.limits import MODE_TIME, ROUNDED, SETUPS
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
-
-def configured(  # noqa: PLR0913 - what a drive is set up by
-    settings: Canopen,
-    bus: Bus,
-    encoder_step: float,
-    dt: float,
-    clock: Clock,
-    limits: AxisLimits,
-    homing: Homing = NO_HOMING,
-) -> DriveConfiguration:
-    """The finished set-up of the drive on `bus`.  Raises DriveError."""
-    node = PumpedNode(settings.node, load_eds(settings.eds, settings.node))
-    PumpedNetwork(bus, clock)[settings.node] = node
-    setup = DriveConfiguration(settings, node, encoder_step, clock, dt=dt, limits=limits, homing=homing)
-    setup.run()
-    return setup
+_NAMES = {
+    cia402.DEVICE_NAME: "device name",
+    cia402.HARDWARE_VERSION: "hardware version",
+    cia402.SOFTWARE_VERSION: "software version",
+}
+_SHOWN = {"serial": "serial number"}
 
 
 class DriveConfiguration:
@@ -59,26 +41,28 @@ class DriveConfiguration:
     protection: Protection
     mode_shown = False  # as cyclic synchronous torque, before it has power
 
-    def __init__(  # noqa: PLR0913 - the last four have defaults
+    def __init__(  # noqa: PLR0913 - what a drive is set up by
         self,
         settings: Canopen,
-        node: PumpedNode,
+        bus: Bus,
         encoder_step: float,
-        clock: Clock = WALL,
-        *,
         dt: float = 0.0,
+        clock: Clock = WALL,
         limits: AxisLimits = UNKNOWN_AXIS,
         homing: Homing = NO_HOMING,
     ) -> None:
-        """`encoder_step` (rad | m) is one count of the drive's position, `dt` (s) the period.
+        """The drive on `bus`: one count of its position is `encoder_step` (rad | m), the period `dt` (s).
 
-        Objects that follow from `limits` are left alone where nothing is known of the axis.
+        Objects that follow from `limits` are left alone where nothing is known of the axis.  Raises DriveError.
         """
-        self._settings, self._node, self._step, self._dt = settings, node, encoder_step, dt
+        self._settings, self._step, self._dt = settings, encoder_step, dt
         self._limits, self._clock, self._homing = limits, clock, homing
-        od = node.object_dictionary
-        self._wishes = wished_rpdo(settings, od), wished_tpdo(settings, od)  # refused before the drive is asked
-        self.objects = ObjectAccess(settings, node)
+        od = load_eds(settings.eds, settings.node)
+        self._node = PumpedNode(settings.node, od, bus, clock)
+        self._wished = [
+            wished(settings, od, direction) for direction in (RPDO, TPDO)
+        ]  # refused before the drive is asked
+        self.objects = ObjectAccess(settings, self._node)
         self.description: dict[str, str] = {}
 
     @property
@@ -126,10 +110,11 @@ class DriveConfiguration:
         self.description["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
         self.description["boot-up message"] = boot
         identify(objects, self.description)
+        take_power(objects, self._clock, self.description)
         self._check_rated_current()
         self._check_mode()
-        self.rpdo = PdoSetup(objects, RPDO).run(self._wishes[0], needed_command(s), milliseconds(s.rpdo_timeout))
-        self.tpdo = PdoSetup(objects, TPDO).run(self._wishes[1], needed_answer(s))
+        self.rpdo = PdoSetup(objects, RPDO).run(self._wished[0], milliseconds(s.rpdo_timeout))
+        self.tpdo = PdoSetup(objects, TPDO).run(self._wished[1])
         self._describe_maps()
         self._set_ramp()
         self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)
@@ -160,7 +145,7 @@ class DriveConfiguration:
 
     def _describe_maps(self) -> None:
         for name, pdo in (("RPDO", self.rpdo), ("TPDO", self.tpdo)):
-            listed = ", ".join(f"0x{key >> 8:04X}:{key & 0xFF:02X}" for key in pdo.objects)
+            listed = ", ".join(map(cia402.shown, pdo.objects))
             when = "at every SYNC" if pdo.transmission == 1 else f"transmission type {pdo.transmission}"
             self.description[name] = f"{pdo.number + 1}, identifier 0x{pdo.identifier:03X}, {when}: {listed}"
 
@@ -180,14 +165,12 @@ class DriveConfiguration:
             counts, cia402.QUICK_STOP_DECELERATION, 0, lambda value: abs(value - counts) <= ROUNDED * counts
         )
         if held.value is not None and not held.fits:
-            raise DriveError(
-                f"node {self._settings.node}: its stop ramp (0x6085) is {held.value} {unit} and does not become"
-                f" {counts};"
+            raise self.objects.error(
+                f": its stop ramp (0x6085) is {held.value} {unit} and does not become {counts};"
                 f" set quick_stop_deceleration to {held.value * (scale or self._step):g}, or the ramp in the drive",
-                place="quick_stop_deceleration",
-                node=self._settings.node,
-                object_key=cia402.QUICK_STOP_DECELERATION << 8,
-                value=held.value,
+                cia402.QUICK_STOP_DECELERATION << 8,
+                held.value,
+                "quick_stop_deceleration",
             ) from held.refusal
         self.description["quick stop ramp (0x6085)"] = NOT_OFFERED if held.value is None else f"{held.value} {unit}"
 
@@ -202,12 +185,10 @@ class DriveConfiguration:
         wanted = {cia402.CYCLIC_SYNCHRONOUS_TORQUE_BIT: "cyclic synchronous torque mode", cia402.HOMING_BIT: "homing"}
         for bit, words in list(wanted.items())[: 1 + self._homing.by_drive]:
             if modes is not None and not modes & bit:
-                raise DriveError(
-                    f"node {self._settings.node} does not offer {words} (0x6502 = 0x{modes:08X});"
-                    " enable it in the drive, or use another drive",
-                    node=self._settings.node,
-                    object_key=cia402.SUPPORTED_MODES << 8,
-                    value=modes,
+                raise self.objects.error(
+                    f" does not offer {words} (0x6502 = 0x{modes:08X}); enable it in the drive, or use another drive",
+                    cia402.SUPPORTED_MODES << 8,
+                    modes,
                 )
 
     def _set_mode(self) -> None:
@@ -226,11 +207,43 @@ class DriveConfiguration:
         self.description["mode of operation"] = f"cyclic synchronous torque (10){shown}"
 
     def _kept_mode(self, mode: int) -> DriveError:
-        return DriveError(
-            f"node {self._settings.node}: mode of operation stays {mode} (0x6060); must become"
-            f" {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic synchronous torque); is another mode forced in the drive's"
-            " own set-up?",
-            node=self._settings.node,
-            object_key=cia402.MODE << 8,
-            value=mode,
+        return self.objects.error(
+            f": mode of operation stays {mode} (0x6060); must become {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic"
+            " synchronous torque); is another mode forced in the drive's own set-up?",
+            cia402.MODE << 8,
+            mode,
         )
+
+
+def identify(objects: ObjectAccess, description: dict[str, str]) -> None:
+    """Describe the drive; compare it with the stage file and the EDS as CiA 302 does when a network boots.
+
+    Raises DriveError where it is another one than they say.
+    """
+    for subindex, name in enumerate(Identity._fields, start=1):
+        value = objects.offered(cia402.IDENTITY, subindex)
+        description[_SHOWN.get(name, name)] = NOT_OFFERED if value is None else f"0x{value:08X}"
+        _compare(objects, name, subindex, value)
+    for index, name in _NAMES.items():
+        description[name] = str(objects.offered(index) or NOT_OFFERED)
+
+
+def _compare(objects: ObjectAccess, name: str, subindex: int, value: int | None) -> None:
+    stated = getattr(objects.settings.identity, name)
+    eds = objects.node.object_dictionary.device_information
+    written = {"vendor": eds.vendor_number, "product": eds.product_number}.get(name) or None  # 0: it does not say
+    if stated is not None and value != stated:
+        _refuse(objects, name, subindex, value, f"drive.wire.identity.{name} = 0x{stated:08X}", "the stage file")
+    if stated is None and None not in (written, value) and value != written:
+        _refuse(objects, name, subindex, value, f"0x{written:08X}", f"its EDS, {objects.settings.eds}")
+
+
+def _refuse(objects: ObjectAccess, name: str, subindex: int, value: int | None, wanted: str, source: str) -> None:
+    shown = "not reported" if value is None else f"0x{value:08X}"
+    raise objects.error(
+        f": {name} (0x1018:{subindex:02X}) is {shown}; {source} says {wanted}. Probable cause: another drive"
+        f" stands in its place. Check its settings; then state drive.wire.identity.{name}: {shown}",
+        cia402.IDENTITY << 8 | subindex,
+        value,
+        f"drive.wire.identity.{name}",
+    )

@@ -13,12 +13,10 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 
 from stagectl.drives.brake import NO_BRAKE, Brake
-from stagectl.drives.bus.frames import Bus, frame
+from stagectl.drives.bus.frames import SYNC, Bus, frame
 from stagectl.drives.canopen import cia402, fault_texts
-from stagectl.drives.canopen.brake_sequence import BrakeSequence
 from stagectl.drives.canopen.braking_monitor import (
     FAILURE_TEXTS,
     BrakingFailure,
@@ -27,12 +25,12 @@ from stagectl.drives.canopen.braking_monitor import (
     SpeedEstimate,
 )
 from stagectl.drives.canopen.cia402 import DriveState
-from stagectl.drives.canopen.configuration import configured
+from stagectl.drives.canopen.configuration import DriveConfiguration
 from stagectl.drives.canopen.drive_homing import DriveHoming, ModeSwitch
 from stagectl.drives.canopen.drive_line import DriveLine
 from stagectl.drives.canopen.fault_texts import Deviation, FoundState
 from stagectl.drives.canopen.operation_watch import mode_place
-from stagectl.drives.canopen.power_states import FaultReset, PowerTransition, Standstill
+from stagectl.drives.canopen.power_states import BrakeSequence, FaultReset, PowerTransition, Standstill
 from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
@@ -42,7 +40,7 @@ from stagectl.drives.homing import NO_HOMING, Homing
 from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, STANDING
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
-_SYNC = frame(0x080)
+_SYNC = frame(SYNC)
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
 _ON, _QUICK_STOP, _OPERATION_ENABLED = Power.ON, Power.QUICK_STOP, DriveState.OPERATION_ENABLED
 _ENABLED_WORD = cia402.DeviceCommand.ENABLE_OPERATION.controlword
@@ -71,16 +69,16 @@ class CanopenDrive:
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
         self._clock, self._pace = clock, SpeedEstimate(dt)
-        self._now = time.monotonic if clock is WALL else clock.now  # without a call of ours in between
+        self._now = clock.now
         self._walk = PowerTransition(Power.OFF, self._standstill())
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
-        self._walking = False  # on the way to it
-        self._closed = self._silent = False  # silent: no answer to the last SYNC
+        self._closed = self._walking = self._silent = False  # on the way to power; no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = configured(settings, bus, encoder_step, dt, clock, limits, homing)
+        setup = DriveConfiguration(settings, bus, encoder_step, dt, clock, limits, homing)
+        setup.run()
         self._description, self._protection = setup.description, setup.protection
         self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
         self._alive, self._alive_period = setup.protection.alive, setup.protection.period
@@ -93,6 +91,7 @@ class CanopenDrive:
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
         self._slow = settings.quick_stop_deceleration * STANDING
         self._found = FoundState(*(setup.objects.known(index) for index in (cia402.STATUSWORD, cia402.ERROR_CODE)))
+        self.position = lambda: setup.objects.position(encoder_step)
         if brake.control == "output":
             check_output_brake(setup.objects, self._description)
             for subindex in (1, 2):  # set, before any power; the mask
@@ -270,7 +269,7 @@ class CanopenDrive:
         state = self._walk.step(now)
         self._mode.shown()
         self._reports.proving = now.fault is Fault.NONE and not self._reports.watch.mode_shown
-        proven = self._walk.certain and self._reports.watch.mode_shown
+        proven = self._walk.certain and self._reports.watch.mode_shown and self._reports.watch.learned
         if now.fault is Fault.NONE and not (proven and self._brake.released()):
             return now._replace(fault=Fault.DRIVE_FAULT)  # not yet: mode before release, release before motion
         self._reports.serving = now.fault is Fault.NONE

@@ -5,14 +5,13 @@ from __future__ import annotations
 import contextlib
 import struct
 
-from stagectl.drives.bus.frames import Bus, frame
+from stagectl.drives.bus.frames import NMT, SDO_REQUEST, Bus, frame
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.operation_watch import MODE_REQUEST
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.limits import BACKLOG, MODE_PERIOD
 
 _WRITE = struct.Struct("<BHBI")  # SDO: expedited download
-_SDO, _NMT_COMMAND = 0x600, 0x000
 _SIZES = {cia402.MODE: 0x2F, cia402.CONTROLWORD: 0x2B}  # SDO: one byte, two bytes
 _LONG = 0x23  # four bytes
 
@@ -52,12 +51,14 @@ class DriveLine:
     def manage(self, command: int) -> None:
         """Send an NMT command to the drive (CiA 301)."""
         with contextlib.suppress(OSError):
-            self._bus.send(frame(_NMT_COMMAND, bytes([command, self._node])))
+            self._bus.send(frame(NMT, bytes([command, self._node])))
 
     def write(self, index: int, subindex: int, value: int) -> None:
         """Write an object by SDO without waiting for the answer."""
         with contextlib.suppress(OSError):
-            self._bus.send(frame(_SDO + self._node, _WRITE.pack(_SIZES.get(index, _LONG), index, subindex, value)))
+            self._bus.send(
+                frame(SDO_REQUEST + self._node, _WRITE.pack(_SIZES.get(index, _LONG), index, subindex, value))
+            )
 
     def set_brake(self, engaged: bool) -> None:
         """Set or release a brake at the drive's digital outputs, without waiting for the answer."""
@@ -67,4 +68,4 @@ class DriveLine:
         """Ask for 0x6061 by SDO each MODE_PERIOD.  Raises OSError."""
         if now >= self._mode_due:
             self._mode_due = now + MODE_PERIOD
-            self._bus.send(frame(_SDO + self._node, MODE_REQUEST))
+            self._bus.send(frame(SDO_REQUEST + self._node, MODE_REQUEST))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, canopen
-from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
+from stagectl.drives.canopen.network import PumpedNode, load_eds
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME, SILENT_OBJECTS
@@ -39,14 +39,9 @@ class ObjectValue(NamedTuple):
 
 
 def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None, clock: Clock = WALL) -> list[ObjectValue]:
-    """Read all readable objects of the node of `wire`.
-
-    Raises DriveError where it does not answer.
-    """
+    """Read all readable objects of the node of `wire`.  Raises DriveError where it does not answer."""
     od = load_eds(wire.eds, wire.node)
-    network = PumpedNetwork(bus, clock)
-    node = PumpedNode(wire.node, od)
-    network[wire.node] = node
+    node = PumpedNode(wire.node, od, bus, clock)
     node.sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
     variables = list(_variables(od))
     values: list[ObjectValue] = []

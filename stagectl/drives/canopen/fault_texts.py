@@ -101,40 +101,37 @@ LOST_BITS = {
 }
 _SILENT_PDO = (
     "Probable causes: the drive is not operational, its TPDO has another COB-ID or mapping than 'tpdo' here,"
-    " or is not sent at each SYNC. Compare 0x1800 and 0x1A00 with `stagectl drive dump STAGE.yaml`"
+    " or is not sent at each SYNC, for instance for its inhibit time. Compare 0x1800 and 0x1A00 with"
+    " `stagectl drive dump STAGE.yaml`"
 )
 
-WHAT = {
-    Fault.NONE: "no fault",
-    Fault.FEEDBACK_LOST: "no answer to SYNC within the time-out",
-    Fault.DRIVE_FAULT: "the drive left Operation enabled",
-    Fault.EMERGENCY: "the drive sent an emergency",
-    Fault.BUS: "the bus failed",
-    Fault.REBOOTED: "the drive booted in mid operation",
-    Fault.HOMING: "its homing (mode of operation 6) has failed",
-}
-CAUSES = {
-    Fault.NONE: "Nothing to be done",
-    Fault.FEEDBACK_LOST: (
+FAULTS = {
+    Fault.NONE: Deviation("no fault", "Nothing to be done"),
+    Fault.FEEDBACK_LOST: Deviation(
+        "no answer to SYNC within the time-out",
         "Probable causes: drive without power, cable or termination, another node with the same id, or a bus that is"
-        " too busy. Check the wiring, then start the run again"
+        " too busy. Check the wiring, then start the run again",
     ),
-    Fault.DRIVE_FAULT: (
+    Fault.DRIVE_FAULT: Deviation(
+        "the drive left Operation enabled",
         "Probable causes: the drive's own limits, its enable or STO input, or its time-outs (heartbeat, RPDO). Look at"
-        f" its display, remove the cause, then reset: {_RESET}"
+        f" its display, remove the cause, then reset: {_RESET}",
     ),
-    Fault.EMERGENCY: (
-        f"Probable causes are in the drive's manual under this code. Remove the cause, then reset: {_RESET}"
+    Fault.EMERGENCY: Deviation(
+        "the drive sent an emergency",
+        f"Probable causes are in the drive's manual under this code. Remove the cause, then reset: {_RESET}",
     ),
-    Fault.REBOOTED: (
+    Fault.BUS: Deviation(
+        "the bus failed",
+        "Probable causes: interface down or bus off. See 'ip -details link', bring it up again, then start the run"
+        " again",
+    ),
+    Fault.REBOOTED: Deviation(
+        "the drive booted in mid operation",
         "Probable causes: a dip of its supply, its watchdog, or an NMT reset by another master. Its configuration and"
-        f" its origin are gone with it. Check the supply, then configure it anew: {_RESET}"
+        f" its origin are gone with it. Check the supply, then configure it anew: {_RESET}",
     ),
-    Fault.HOMING: HOMING_FAILED.causes,
-    Fault.BUS: (
-        "Probable causes: interface down or bus off. See 'ip -details link', bring it up again,"
-        " then start the run again"
-    ),
+    Fault.HOMING: Deviation("its homing (mode of operation 6) has failed", HOMING_FAILED.causes),
 }
 _HINTS = {
     DriveState.NOT_READY: (
@@ -195,9 +192,9 @@ def not_enabled(node: int, last: Feedback, signs: DriveSigns) -> str:
     problem, emergency = signs.problem, signs.emergency
     reported = emergency_words(emergency) if emergency else "no emergency was sent"
     parts = filter(None, (_state(last, signs), problem and problem.words, reported))
-    hint = _HINTS.get(cia402.state(last.statusword), CAUSES[Fault.DRIVE_FAULT])
+    hint = _HINTS.get(cia402.state(last.statusword), FAULTS[Fault.DRIVE_FAULT].causes)
     causes = _causes(last, signs) if last.fault is Fault.FEEDBACK_LOST or problem else hint
-    enabled = cia402.state(last.statusword) in _RUNS
+    enabled = cia402.state(last.statusword) is DriveState.OPERATION_ENABLED
     missed = "is not ready" if enabled else "does not reach Operation enabled"
     return f"node {node} {missed} within {ENABLE_TIME:.0f} s: it remains in {'; '.join(parts)}. {causes}"
 
@@ -211,7 +208,8 @@ def explained(node: int, last: Feedback, signs: DriveSigns) -> str:
     if emergency is not None:
         parts.append(emergency_words(emergency))
     if not math.isnan(heartbeat_age):
-        parts.append(f"last heartbeat of the drive {heartbeat_age:.2f} s ago{_nmt_words(signs)}")
+        left = "" if signs.nmt in (None, cia402.OPERATIONAL) else f": {nmt_words(signs.nmt or 0)}"
+        parts.append(f"last heartbeat of the drive {heartbeat_age:.2f} s ago{left}")
     return f"node {node}: {'; '.join(filter(None, parts))}. {_causes(last, signs)}"
 
 
@@ -220,19 +218,16 @@ def nmt_words(state: int) -> str:
     return cia402.NMT_WORDS.get(state, f"unknown, 0x{state:02X}")
 
 
-def _nmt_words(signs: DriveSigns) -> str:
-    return "" if signs.nmt in (None, cia402.OPERATIONAL) else f": {nmt_words(signs.nmt or 0)}"
-
-
 def _what(last: Feedback, signs: DriveSigns) -> str:
     if last.fault is Fault.FEEDBACK_LOST and not signs.answered:
         return "it has never answered a SYNC"
-    if last.fault is Fault.DRIVE_FAULT and signs.problem and cia402.state(last.statusword) in _RUNS:
+    if (
+        last.fault is Fault.DRIVE_FAULT
+        and signs.problem
+        and cia402.state(last.statusword) is DriveState.OPERATION_ENABLED
+    ):
         return ""  # it has not left Operation enabled: the problem says what is wrong
-    return WHAT[last.fault]
-
-
-_RUNS = (DriveState.OPERATION_ENABLED,)
+    return FAULTS[last.fault].words
 
 
 def _state(last: Feedback, signs: DriveSigns) -> str:
@@ -249,4 +244,4 @@ def _causes(last: Feedback, signs: DriveSigns) -> str:
         return f"Its heartbeat goes on, so power, wiring and bit rate are right. {_SILENT_PDO}"
     if last.fault is Fault.FEEDBACK_LOST and not signs.answered:
         return f"{_SILENT_PDO}; or power, cable or termination"
-    return CAUSES[last.fault]
+    return FAULTS[last.fault].causes

@@ -122,7 +122,11 @@ class PumpedSdo(SdoClient):
 
 
 class PumpedNode(canopen.RemoteNode):
-    """A remote node with pumped SDO clients."""
+    """A remote node with pumped SDO clients, in a network of its own."""
+
+    def __init__(self, node: int, od: canopen.ObjectDictionary, bus: Bus, clock: Clock = WALL) -> None:
+        super().__init__(node, od)
+        PumpedNetwork(bus, clock)[node] = self
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> PumpedSdo:
         """Add an SDO channel; the library calls this in its constructor."""

@@ -6,14 +6,18 @@ A boot-up message in between makes all that was written worthless: the access th
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
+from stagectl.drives.bus.frames import HEARTBEAT, Bus
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.library import SdoAbortedError, SdoError
+from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
 from stagectl.drives.canopen.network import PumpedNode
+from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.limits import PROBE_ANSWER_TIME
 
 _ABSENT = (cia402.NO_OBJECT, cia402.NO_SUBINDEX)
 Result = TypeVar("Result")
@@ -42,11 +46,11 @@ class ObjectAccess:
         self.boots = 0  # boot-up messages heard
         self.nmt_state: int | None = None  # as the last heartbeat or guarding answer said
         self._expected: int | None = None  # boots that are in order; None: any
-        node.network.subscribe(0x700 + settings.node, self._heard)
+        node.network.subscribe(HEARTBEAT + settings.node, self._heard)
 
     def close(self) -> None:
         """Listen to boot-up messages no more."""
-        self.node.network.unsubscribe(0x700 + self.settings.node, self._heard)
+        self.node.network.unsubscribe(HEARTBEAT + self.settings.node, self._heard)
 
     def begin(self) -> None:
         """Forget what was held; from now on a boot-up message interrupts."""
@@ -76,6 +80,11 @@ class ObjectAccess:
             return int(self.read(index))
         except DriveError:
             return None
+
+    def position(self, step: float) -> float:
+        """Where the axis stands (rad | m), one count being a `step`; NaN where the drive does not say."""
+        counts = self.known(cia402.POSITION)
+        return math.nan if counts is None else counts * step
 
     def write(self, value: int, index: int, subindex: int = 0) -> None:
         """Write an integer.  Raises DriveError, with the drive's abort code where it refuses."""
@@ -113,7 +122,7 @@ class ObjectAccess:
             now = self.read(key >> 8, key & 0xFF)
             if now != value:
                 raise SetupInterruptedError(
-                    f"node {self.settings.node}: object 0x{key >> 8:04X}:{key & 0xFF:02X} held {value} and is {now}"
+                    f"node {self.settings.node}: object {cia402.shown(key)} held {value} and is {now}"
                     " after NMT start; probable causes: the drive booted, or another master writes to it",
                     node=self.settings.node,
                     object_key=key,
@@ -132,14 +141,19 @@ class ObjectAccess:
         """The error of an access."""
         known = self.node.object_dictionary.get_variable(index, subindex)
         name = known.name if known is not None else "not in the EDS"
-        aborted = isinstance(error, SdoAbortedError)
-        return (DriveError if aborted else SetupInterruptedError)(
-            f"node {self.settings.node}: {action} of object 0x{index:04X}:{subindex:02X} ({name}) failed: {error};"
+        key = index << 8 | subindex
+        return (DriveError if isinstance(error, SdoAbortedError) else SetupInterruptedError)(
+            f"node {self.settings.node}: {action} of object {cia402.shown(key)} ({name}) failed: {error};"
             f" compare {self.settings.eds} with the drive's manual and firmware",
             node=self.settings.node,
-            object_key=index << 8 | subindex,
+            object_key=key,
             abort_code=error.code if isinstance(error, SdoAbortedError) else None,
         )
+
+    def error(self, words: str, key: int, value: float | str | None = None, place: str = "") -> DriveError:
+        """The error about an object (index << 8 | subindex) of this node; `words` follow the id of the node."""
+        node = self.settings.node
+        return DriveError(f"node {node}{words}", place=place, node=node, object_key=key, value=value)
 
     def _exists(self, index: int, subindex: int) -> bool:
         return self.node.object_dictionary.get_variable(index, subindex) is not None
@@ -186,3 +200,50 @@ class ObjectAccess:
         if data:
             self.nmt_state = data[0] & 0x7F
             self.boots += data[0] == cia402.INITIALISING
+
+
+class SilentDriveError(DriveError):
+    """It does not answer."""
+
+
+class PlainSdo:
+    """Objects of the node of `wire` as bytes, without an EDS; nothing is sent but what is asked for."""
+
+    def __init__(self, wire: Canopen, bus: Bus, clock: Clock = WALL) -> None:
+        self.node = wire.node
+        self._sdo = PumpedNode(wire.node, canopen.ObjectDictionary(), bus, clock).sdo  # type: ignore[no-untyped-call]
+        self._sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
+
+    def read(self, index: int, subindex: int = 0) -> bytes | None:
+        """An object; None where the drive does not have it.  Raises DriveError, SilentDriveError without an answer."""
+        try:
+            return bytes(self._sdo.upload(index, subindex))
+        except SdoAbortedError:
+            return None
+        except SdoError as error:
+            raise self._failed("read", index, subindex, error) from error
+
+    def number(self, index: int, subindex: int = 0, signed: bool = False) -> int | None:
+        """An object that is a number.  Raises as `read`."""
+        return number(self.read(index, subindex), signed)
+
+    def write(self, data: bytes, index: int, subindex: int = 0) -> None:
+        """Write an object.  Raises DriveError, too where the drive refuses; SilentDriveError without an answer."""
+        try:
+            self._sdo.download(index, subindex, data)
+        except SdoError as error:
+            raise self._failed("written", index, subindex, error) from error
+
+    def _failed(self, done: str, index: int, subindex: int, error: SdoError) -> DriveError:
+        kind = SilentDriveError if isinstance(error, SdoCommunicationError) else DriveError
+        key = index << 8 | subindex
+        return kind(
+            f"node {self.node}: object {cia402.shown(key)} cannot be {done}: {error}; see `stagectl drive probe`",
+            node=self.node,
+            object_key=key,
+        )
+
+
+def number(raw: bytes | None, signed: bool = False) -> int | None:
+    """The bytes of an object as a number; None without any."""
+    return int.from_bytes(raw[:8], "little", signed=signed) if raw else None

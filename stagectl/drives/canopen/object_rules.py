@@ -7,6 +7,7 @@ Sources: CiA 301 (communication), IEC 61800-7-201 (CiA 402-2: profile).
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -59,48 +60,36 @@ def _slope(p: Wishes) -> int | None:
     return min(math.ceil(torque / p.dt), _LARGEST_U32) if torque else None
 
 
-def _cycle(p: Wishes) -> int | None:
-    return round(p.dt * 1e6) or None
-
-
 def _revolutions(p: Wishes) -> int | None:
     """Speed limit in revolutions a minute; a linear motor has no such unit."""
     return math.floor(p.limits.speed * 60.0 / (2.0 * math.pi)) if p.limits.rotary else None
 
 
 def _increments(p: Wishes) -> int | None:
-    """Counts of the revolutions in 0x608F:02; nothing where a gear or a linear motor makes other units of them."""
-    turns, geared = p.offered(cia402.ENCODER, 2), p.offered(cia402.GEAR, 1) != p.offered(cia402.GEAR, 2)
-    if not p.limits.rotary or not turns or not p.offered(cia402.ENCODER, 1) or geared:
-        return None
-    return round(2.0 * math.pi * turns / p.encoder_step)
+    """Counts of the revolutions in 0x608F:02; nothing where a feed constant or a linear motor scales the position."""
+    scaled = p.offered(cia402.FEED, 1) and p.offered(cia402.FEED, 2)
+    return None if scaled or not p.offered(cia402.ENCODER, 1) else _counts(p, p.offered(cia402.ENCODER, 2))
 
 
-def _period(p: Wishes) -> tuple[int, int]:
-    """Mantissa and exponent of the period; the drive's own exponent first."""
+def _feed(p: Wishes) -> int | None:
+    """Counts of the revolutions of the shaft in 0x6092:02."""
+    return _counts(p, p.offered(cia402.FEED, 2)) if p.offered(cia402.FEED, 1) else None
+
+
+def _counts(p: Wishes, turns: int | None) -> int | None:
+    """Counts of 0x6064 that so many turns behind the gear (0x6091) should make, by the stage file."""
+    motor, shaft = p.offered(cia402.GEAR, 1) or 1, p.offered(cia402.GEAR, 2) or 1
+    return round(2.0 * math.pi * turns * motor / (shaft * p.encoder_step)) if p.limits.rotary and turns else None
+
+
+def _period(p: Wishes) -> tuple[int, int] | tuple[None, None]:
+    """Mantissa and exponent of the period; the drive's own exponent first, none where no exponent fits."""
     present = p.offered(cia402.INTERPOLATION_PERIOD, 2)
     for exponent in (*(() if present is None else (present,)), *_EXPONENTS):
         mantissa = round(p.dt / 10.0**exponent)
         if 1 <= mantissa <= _LARGEST_U8 and math.isclose(mantissa * 10.0**exponent, p.dt, rel_tol=1e-9):
             return mantissa, exponent
-    return 0, 0
-
-
-def _mantissa(p: Wishes) -> int | None:
-    return _period(p)[0] or None
-
-
-def _exponent(p: Wishes) -> int | None:
-    mantissa, exponent = _period(p)
-    return exponent if mantissa else None
-
-
-def _at_least(value: int, wanted: int) -> bool:
-    return value >= wanted
-
-
-def _equal(value: int, wanted: int) -> bool:
-    return value == wanted
+    return None, None
 
 
 def _near(value: int, wanted: int) -> bool:
@@ -121,42 +110,56 @@ def _ramp(p: Wishes) -> int | None:
     return max(1, round(abs(p.homing.speed) / SEARCH_TIME / scale)) if p.homing.moves else None
 
 
-def _upright(value: int, wanted: int) -> bool:
-    return not value & _INVERTED
-
-
 RULES = (
-    Rule(cia402.SYNC_COB_ID << 8, "identifier of SYNC", lambda p: 0x80, _equal, True, "set it to 0x80 in the drive"),
-    Rule(cia402.CYCLE_PERIOD << 8, "SYNC period, us", _cycle, None, True),
-    Rule(cia402.INTERPOLATION_PERIOD << 8 | 2, "interpolation period, exponent", _exponent, None, True),
-    Rule(cia402.INTERPOLATION_PERIOD << 8 | 1, "interpolation period", _mantissa, None, True),
     Rule(
-        cia402.MAX_TORQUE << 8, "max torque, per mille", _torque, _at_least, True,
+        cia402.SYNC_COB_ID << 8, "identifier of SYNC", lambda p: 0x80, operator.eq, True,
+        "set it to 0x80 in the drive",
+    ),
+    Rule(
+        cia402.SYNC_COUNTER << 8, "counter in SYNC", lambda p: 0, operator.eq, True,
+        "set it to 0, none, in the drive",
+    ),
+    Rule(cia402.CYCLE_PERIOD << 8, "SYNC period, us", lambda p: round(p.dt * 1e6) or None, None, True),
+    Rule(cia402.INTERPOLATION_PERIOD << 8 | 2, "interpolation period, exponent", lambda p: _period(p)[1], None, True),
+    Rule(cia402.INTERPOLATION_PERIOD << 8 | 1, "interpolation period", lambda p: _period(p)[0], None, True),
+    Rule(
+        cia402.MAX_TORQUE << 8, "max torque, per mille", _torque, operator.ge, True,
         "the drive limits the command: raise it there, or lower drive.current_limit",
     ),
     Rule(
-        cia402.MAX_CURRENT << 8, "max current, per mille", _torque, _at_least, False,
+        cia402.MAX_CURRENT << 8, "max current, per mille", _torque, operator.ge, False,
         "the drive limits the command: raise it there if the motor may, or lower drive.current_limit",
     ),
+    *(
+        Rule(
+            index << 8, f"torque limit to {side}, per mille", _torque, operator.ge, True,
+            "the drive limits the command: raise it there, or lower drive.current_limit",
+        )
+        for index, side in zip(cia402.TORQUE_LIMITS, ("positive", "negative"), strict=True)
+    ),
     Rule(
-        cia402.POLARITY << 8, "polarity", lambda p: 0, _upright, False,
+        cia402.POLARITY << 8, "polarity", lambda p: 0, lambda value, _: not value & _INVERTED, False,
         "set it to 0 in the drive, so that positive current moves towards positive positions", "inverted_polarity",
     ),
     Rule(cia402.TORQUE_SLOPE << 8, "torque slope, per mille a second", _slope, None, True),
     Rule(cia402.FOLLOWING_WINDOW << 8, "following error window", lambda p: None, None, False),
     Rule(
-        cia402.MAX_SPEED << 8, "max speed, 1/min", _revolutions, _at_least, False,
+        cia402.MAX_SPEED << 8, "max speed, 1/min", _revolutions, operator.ge, False,
         "the drive limits the speed: raise it there, or lower limits.speed",
     ),
     Rule(
         cia402.ENCODER << 8 | 1, "encoder increments", _increments, _near, False,
-        "correct encoder.counts_per_revolution, or the encoder's resolution in the drive", "encoder_resolution",
+        "correct encoder.counts_per_revolution, or encoder and gear ratio (0x6091) in the drive", "encoder_resolution",
+    ),
+    Rule(
+        cia402.FEED << 8 | 1, "feed constant", _feed, _near, False,
+        "correct encoder.counts_per_revolution, or feed and gear ratio (0x6091) in the drive", "encoder_resolution",
     ),
 )  # fmt: skip
 
 HOMING_RULES = (  # where the drive finds its home itself
     Rule(
-        cia402.HOMING_METHOD << 8, "homing method", lambda p: p.homing.number, _equal, True,
+        cia402.HOMING_METHOD << 8, "homing method", lambda p: p.homing.number, operator.eq, True,
         "name one that the drive has in homing.number",
     ),
     Rule(
@@ -169,7 +172,7 @@ HOMING_RULES = (  # where the drive finds its home itself
     ),
     Rule(cia402.HOMING_ACCELERATION << 8, "homing acceleration", _ramp, None, True),
     Rule(
-        cia402.HOME_OFFSET << 8, "home offset", lambda p: 0, _equal, True,
+        cia402.HOME_OFFSET << 8, "home offset", lambda p: 0, operator.eq, True,
         "set it to 0 in the drive: homing.position says what the home is",
     ),
 )  # fmt: skip
@@ -180,17 +183,16 @@ def obey(objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
     for rule in (*RULES, *(HOMING_RULES if p.homing.by_drive else ())):
         _obey(rule, objects, p, description)
     for entry in p.settings.start_up:
-        index, subindex = entry.object >> 8, entry.object & 0xFF
-        held = objects.hold(entry.value, index, subindex)
+        held = objects.hold(entry.value, entry.object >> 8, entry.object & 0xFF)
         if not held.fits:
             raise _unheld(objects, entry.object, entry.value, held) from held.refusal
-        description[f"start-up (0x{index:04X}:{subindex:02X})"] = f"{entry.value}"
+        description[f"start-up ({cia402.shown(entry.object)})"] = f"{entry.value}"
 
 
 def _obey(rule: Rule, objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
     index, subindex = rule.key >> 8, rule.key & 0xFF
     value = p.offered(index, subindex)
-    name = f"{rule.name} (0x{index:04X}:{subindex:02X})"
+    name = f"{rule.name} ({cia402.shown(rule.key)})"
     if value is None:
         description[name] = NOT_OFFERED
         return
@@ -216,22 +218,16 @@ def _refuse(rule: Rule, objects: ObjectAccess, description: dict[str, str], valu
     if rule.accept is not None:
         lacks(objects, description, rule.accept, key, value, f"by the stage file it must be {wanted}: {rule.remedy}")
         return
-    raise DriveError(
-        f"node {objects.settings.node}: {rule.name} is {value} (0x{key >> 8:04X}:{key & 0xFF:02X}); the stage file"
-        f" wants {wanted}: {rule.remedy}",
-        node=objects.settings.node,
-        object_key=key,
-        value=value,
-    )
+    words = f": {rule.name} is {value} ({cia402.shown(key)}); the stage file wants {wanted}: {rule.remedy}"
+    raise objects.error(words, key, value)
 
 
 def _unheld(objects: ObjectAccess, key: int, wanted: int, held: Held) -> DriveError:
     shown = "missing" if held.value is None else f"{held.value}"
-    return DriveError(
-        f"node {objects.settings.node}: drive.wire.start_up wants 0x{key >> 8:04X}:{key & 0xFF:02X} = {wanted}, but"
-        f" it is {shown}; correct the entry, or set the object with the drive's own tool",
-        place="drive.wire.start_up",
-        node=objects.settings.node,
-        object_key=key,
-        value=held.value,
+    return objects.error(
+        f": drive.wire.start_up wants {cia402.shown(key)} = {wanted}, but it is {shown}; correct the entry, or set the"
+        " object with the drive's own tool",
+        key,
+        held.value,
+        "drive.wire.start_up",
     )

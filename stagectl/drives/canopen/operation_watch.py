@@ -8,8 +8,9 @@
                 bit 9 or 12 lost for STATUS_BIT_TIME: by name
 
 A drive that has never shown its mode (0x6061) as cyclic synchronous torque is not ready, power or not.
-Which of the bits a drive drives at all is learned in the first LEARNING_TIME under power, unless the stage file names
-them: a bit that it never showed is not demanded.  Source: CiA 402-2 (IEC 61800-7-201), statusword and 0x6061.
+Which of the bits a drive drives at all is learned under power, unless the stage file names them: it is ready as soon as
+it shows them all, or after LEARNING_TIME; a bit that it never showed is not demanded.
+Source: CiA 402-2 (IEC 61800-7-201), statusword and 0x6061.
 """
 
 from __future__ import annotations
@@ -71,13 +72,18 @@ class OperationWatch:
         self.mask, self.expected = _ENABLED_MASK, _ENABLED if homing else _NEVER
 
     @property
+    def learned(self) -> bool:
+        """Whether it has shown all that is demanded, or had the time for it: before, it may not follow commands yet."""
+        return self._learned >= self._learning_periods
+
+    @property
     def unshown(self) -> tuple[int, ...]:
         """Numbers of the bits that are not demanded, because the drive has not shown them."""
         return tuple(bit for bit in LOST_BITS if not (self._shown if self._named is None else self._named) >> bit & 1)
 
     def look(self, statusword: int) -> Deviation | None:
         """A statusword of Operation enabled that is not as `expected`: what is wrong, once that is certain."""
-        if self._learned < self._learning_periods:
+        if not self.learned:
             self._learn(statusword)
             return None
         missing = self._demanded & ~statusword
@@ -104,7 +110,8 @@ class OperationWatch:
 
     def _learn(self, statusword: int) -> None:
         self._shown |= statusword
-        self._learned += 1
-        if self._learned == self._learning_periods:
+        wanted = _LEARNABLE if self._named is None else self._named
+        self._learned = self._learned + 1 if wanted & ~statusword else self._learning_periods
+        if self.learned:
             self._demanded = self._shown & _LEARNABLE if self._named is None else self._named
             self.mask, self.expected = _ENABLED_MASK | self._demanded, _ENABLED | self._demanded

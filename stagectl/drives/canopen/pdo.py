@@ -6,6 +6,7 @@ import math
 import struct
 from typing import Any, NamedTuple
 
+from stagectl.drives.bus import frames
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import canopen
 from stagectl.drives.canopen.pdo_mapping import CODES
@@ -30,27 +31,42 @@ class PdoMap(NamedTuple):
         return tuple(entry >> 8 for entry in self.entries)
 
 
-def wished_rpdo(settings: Canopen, od: canopen.ObjectDictionary) -> PdoMap:
-    """What the stage file wants the drive to receive.  Raises DriveError where it cannot work."""
-    pdo = _wished(settings, od, "rpdo", settings.rpdo, needed_command(settings))
-    return pdo._replace(identifier=0x200 + settings.node)
+class Direction(NamedTuple):
+    """Objects of one direction of PDOs."""
+
+    name: str  # as the stage file calls it
+    identifier: int  # of the first PDO, less the node (CiA 301, 7.3.5)
+    parameter: int
+    mapping: int
+    received: bool  # by the drive
 
 
-def wished_tpdo(settings: Canopen, od: canopen.ObjectDictionary) -> PdoMap:
-    """What the stage file wants the drive to send.  Raises DriveError where it cannot work."""
-    pdo = _wished(settings, od, "tpdo", settings.tpdo, needed_answer(settings))
-    return pdo._replace(identifier=0x180 + settings.node)
+RPDO = Direction("rpdo", frames.RPDO, cia402.RPDO_PARAMETER, cia402.RPDO_MAPPING, True)
+TPDO = Direction("tpdo", frames.TPDO, cia402.TPDO_PARAMETER, cia402.TPDO_MAPPING, False)
 
 
-def needed_command(settings: Canopen) -> dict[int, str]:
-    """Objects that the RPDO must hold, in words."""
-    return {cia402.CONTROLWORD << 8: "the controlword", settings.command_object: "the current command"}
+def needed(settings: Canopen, direction: Direction) -> dict[int, str]:
+    """Objects that the PDO of the cycle must hold, in words."""
+    if direction.received:
+        return {cia402.CONTROLWORD << 8: "the controlword", settings.command_object: "the current command"}
+    answer = {cia402.STATUSWORD << 8: "the statusword", cia402.POSITION << 8: "the position"}
+    return {**answer, settings.current_object: "the measured current"} if settings.current_object else answer
 
 
-def needed_answer(settings: Canopen) -> dict[int, str]:
-    """Objects that the TPDO must hold, in words."""
-    needed = {cia402.STATUSWORD << 8: "the statusword", cia402.POSITION << 8: "the position"}
-    return {**needed, settings.current_object: "the measured current"} if settings.current_object else needed
+def wished(settings: Canopen, od: canopen.ObjectDictionary, direction: Direction) -> PdoMap:
+    """What the stage file wants the drive to receive or send.  Raises DriveError where it cannot work."""
+    name = direction.name
+    objects: tuple[int, ...] = getattr(settings, name)
+    entries = tuple(key << 8 | _bits(settings, od, name, key) for key in objects)
+    length = sum(entry & 0xFF for entry in entries) // 8
+    if not 1 <= length <= 8:
+        raise DriveError(
+            f"{name}: the mapped objects take {length} bytes; must lie in [1, 8]; map fewer", place=name, value=length
+        )
+    for key, words in needed(settings, direction).items():
+        if key not in objects:
+            raise DriveError(f"{name} holds no 0x{key:06X} ({words}); add it to '{name}'", place=name, object_key=key)
+    return PdoMap(direction.identifier + settings.node, entries)
 
 
 class CommandPdo:
@@ -58,7 +74,7 @@ class CommandPdo:
 
     def __init__(self, settings: Canopen, od: canopen.ObjectDictionary, pdo: PdoMap | None = None) -> None:
         """Compiled from `pdo` as read back from the drive; without it, as `settings` wish it.  Raises DriveError."""
-        pdo = pdo or wished_rpdo(settings, od)
+        pdo = pdo or wished(settings, od, RPDO)
         objects = pdo.objects
         codes, length = _layout(od, pdo.entries, "rpdo")
         self._command = 2 + objects.index(settings.command_object)
@@ -95,7 +111,7 @@ class FeedbackPdo:
 
     def __init__(self, settings: Canopen, od: canopen.ObjectDictionary, pdo: PdoMap | None = None) -> None:
         """Compiled from `pdo` as read back from the drive; without it, as `settings` wish it.  Raises DriveError."""
-        pdo = pdo or wished_tpdo(settings, od)
+        pdo = pdo or wished(settings, od, TPDO)
         objects = pdo.objects
         codes, length = _layout(od, pdo.entries, "tpdo")
         self._status = objects.index(cia402.STATUSWORD << 8)
@@ -119,22 +135,6 @@ class FeedbackPdo:
         self._counts += (position - self._counts + self._half & self._mask) - self._half
         current = fields[self._current] * self._scale if self._current >= 0 else math.nan
         return fields[self._status], self._counts, current
-
-
-def _wished(
-    settings: Canopen, od: canopen.ObjectDictionary, name: str, objects: tuple[int, ...], needed: dict[int, str]
-) -> PdoMap:
-    """The map of these objects, each with its length in the EDS."""
-    entries = tuple(key << 8 | _bits(settings, od, name, key) for key in objects)
-    length = sum(entry & 0xFF for entry in entries) // 8
-    if not 1 <= length <= 8:
-        raise DriveError(
-            f"{name}: the mapped objects take {length} bytes; must lie in [1, 8]; map fewer", place=name, value=length
-        )
-    for key, words in needed.items():
-        if key not in objects:
-            raise DriveError(f"{name} holds no 0x{key:06X} ({words}); add it to '{name}'", place=name, object_key=key)
-    return PdoMap(0, entries)
 
 
 def _bits(settings: Canopen, od: canopen.ObjectDictionary, name: str, key: int) -> int:

@@ -10,27 +10,14 @@ from typing import NamedTuple
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
-from stagectl.drives.canopen.pdo import PdoMap
+from stagectl.drives.canopen.pdo import Direction, PdoMap, needed
 from stagectl.drives.drive import DriveError
 
 INVALID, _NO_REMOTE, _IDENTIFIER = 0x8000_0000, 0x4000_0000, 0x7FF  # of a PDO's COB-ID
-EVENT_TIMER = 5  # subindex of an RPDO's deadline
+INHIBIT_TIME, EVENT_TIMER = 3, 5  # subindices: of a TPDO's shortest pause, of an RPDO's deadline
 _COUNT = 4  # PDOs in each direction that are looked at
 _AT_EVERY_SYNC = 1  # transmission type
 _AT_ONCE = (254, 255)  # transmission types of an RPDO that acts as it comes
-
-
-class Direction(NamedTuple):
-    """Objects of one direction of PDOs."""
-
-    name: str  # as the stage file calls it
-    parameter: int
-    mapping: int
-    received: bool  # by the drive
-
-
-RPDO = Direction("rpdo", cia402.RPDO_PARAMETER, cia402.RPDO_MAPPING, True)
-TPDO = Direction("tpdo", cia402.TPDO_PARAMETER, cia402.TPDO_MAPPING, False)
 
 
 class _Present(NamedTuple):
@@ -46,24 +33,25 @@ class PdoSetup:
 
     def __init__(self, objects: ObjectAccess, direction: Direction) -> None:
         self._objects, self._direction = objects, direction
+        self._needed = needed(objects.settings, direction)  # objects that the map must hold
         self._read_back: dict[int, _Present] = {}
 
-    def run(self, wished: PdoMap, needed: dict[int, str], deadline: int | None = None) -> PdoMap:
-        """The map that the cycle uses; `needed` names the objects that it must hold.
+    def run(self, wished: PdoMap, deadline: int | None = None) -> PdoMap:
+        """The map that the cycle uses.
 
         `deadline` (ms) goes to the event timer of the RPDO, which some drives take only while the PDO does not exist.
         Raises DriveError with the object that a fixed map lacks.
         """
         refusal = self._write(wished, deadline)
         maps = (self._usable(n) for n in range(_COUNT))
-        chosen = next((pdo for pdo in maps if pdo is not None and needed.keys() <= set(pdo.objects)), None)
+        chosen = next((pdo for pdo in maps if pdo is not None and self._needed.keys() <= set(pdo.objects)), None)
         if chosen is None:
-            raise self._unfit(needed) from refusal
+            raise self._unfit() from refusal
         self._note(chosen.number)
         for n in range(_COUNT):
             if n != chosen.number:
                 self._switch_off(n)
-        return self._filled(chosen, needed)
+        return self._filled(chosen)
 
     def _write(self, wished: PdoMap, deadline: int | None) -> DriveError | None:
         """Write what differs; the first refusal, after which the drive has its PDO again."""
@@ -71,15 +59,16 @@ class PdoSetup:
         if present is None:
             return None
         cob_id = present.cob_id & _NO_REMOTE | wished.identifier
-        if present == _Present(cob_id, _AT_EVERY_SYNC, wished.entries) and self._deadline_is(deadline):
+        times = self._times(deadline)
+        if present == _Present(cob_id, _AT_EVERY_SYNC, wished.entries) and not times:
             return None
         refusals = [self._try(INVALID | cob_id, parameter, 1)]
         if present.entries != wished.entries:
             refusals.append(self._map(wished.entries))
         if present.transmission != _AT_EVERY_SYNC:
             refusals.append(self._try(_AT_EVERY_SYNC, parameter, 2))
-        if deadline is not None and not self._deadline_is(deadline):
-            self._try(deadline, parameter, EVENT_TIMER)  # protection reads it back, and judges
+        for subindex, time in times.items():
+            self._try(time, parameter, subindex)  # protection reads the deadline back, and judges
         again = cob_id if refusals[0] is None else present.cob_id
         refusals.append(self._try(again, parameter, 1) if refusals[0] is None else None)
         return next((refusal for refusal in refusals if refusal is not None), None)
@@ -103,8 +92,11 @@ class PdoSetup:
             return error
         return None
 
-    def _deadline_is(self, deadline: int | None) -> bool:
-        return deadline is None or self._objects.offered(self._direction.parameter, EVENT_TIMER) in (deadline, None)
+    def _times(self, deadline: int | None) -> dict[int, int]:
+        """Times of the first PDO that it has and that must be changed, by subindex."""
+        wished = {EVENT_TIMER: deadline} if self._direction.received else {INHIBIT_TIME: 0}
+        present = {subindex: self._objects.offered(self._direction.parameter, subindex) for subindex in wished}
+        return {n: time for n, time in wished.items() if time is not None and present[n] not in (time, None)}
 
     def _present(self, n: int) -> _Present | None:
         """PDO `n` as the drive has it; None where it has none."""
@@ -126,11 +118,11 @@ class PdoSetup:
             return None
         return PdoMap(present.cob_id & _IDENTIFIER, present.entries, number=n, transmission=present.transmission)
 
-    def _filled(self, pdo: PdoMap, needed: dict[int, str]) -> PdoMap:
+    def _filled(self, pdo: PdoMap) -> PdoMap:
         """With the present values of objects that only the drive wants in the RPDO: zeros would change them."""
         if not self._direction.received:
             return pdo
-        others = {key for key in pdo.objects if key not in needed and key >> 8 >= 0x20}
+        others = {key for key in pdo.objects if key not in self._needed and key >> 8 >= 0x20}
         values = {key: self._objects.offered(key >> 8, key & 0xFF) or 0 for key in others}
         return pdo._replace(fill=tuple(values.get(key, 0) for key in pdo.objects))
 
@@ -148,22 +140,21 @@ class PdoSetup:
         if identifier is not None and not identifier & INVALID:
             self._try(identifier | INVALID, self._direction.parameter + n, 1)
 
-    def _unfit(self, needed: dict[int, str]) -> DriveError:
-        direction, node = self._direction, self._objects.settings.node
+    def _unfit(self) -> DriveError:
+        direction = self._direction
         first = self._read_back.get(0)
         kept = tuple(entry >> 8 for entry in first.entries) if first is not None else ()
-        missing = next((key for key in needed if key not in kept), None)
+        missing = next((key for key in self._needed if key not in kept), None)
         if missing is None or first is None:
             key = direction.parameter << 8 | 2
             reason = f"none that exists and goes with each SYNC (0x{direction.parameter:04X}:02)"
         else:
-            key, reason = missing, f"none with 0x{missing >> 8:04X}:{missing & 0xFF:02X} ({needed[missing]})"
-        shown = ", ".join(f"0x{entry >> 8:04X}:{entry & 0xFF:02X}" for entry in kept) or "no object"
-        return DriveError(
-            f"node {node}: its {direction.name.upper()}s cannot be mapped as the cycle needs them"
+            key, reason = missing, f"none with {cia402.shown(missing)} ({self._needed[missing]})"
+        shown = ", ".join(map(cia402.shown, kept)) or "no object"
+        return self._objects.error(
+            f": its {direction.name.upper()}s cannot be mapped as the cycle needs them"
             f" (0x{direction.mapping:04X}), and of those that it keeps there is {reason}; the first holds {shown}."
             f" Map it with the drive's own tool, or name other objects in drive.wire.{direction.name}",
+            key,
             place=direction.name,
-            node=node,
-            object_key=key,
         )

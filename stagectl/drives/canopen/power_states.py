@@ -1,13 +1,18 @@
-"""The transition of a CiA 402 drive to the requested power: one controlword a period, from any state but Fault."""
+"""The transition of a CiA 402 drive to the requested power: one controlword a period, from any state but Fault.
+
+With a brake, torque comes before its release and stays until it holds.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
+from stagectl.drives import limits
+from stagectl.drives.brake import Brake
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import Fault, Feedback, Power
-from stagectl.drives.limits import OLD_ANSWERS, RESET_EDGES, RESET_HOLD, RESET_PAUSE, STANDING, STANDSTILL_CYCLES
 
 _OFF = cia402.DeviceCommand.DISABLE_VOLTAGE.controlword
 _ORDERS = {Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword}
@@ -16,7 +21,7 @@ _ORDERS = {Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword}
 class Standstill:
     """Whether the position stays within `tolerance` (rad | m) for so many cycles, noise or not."""
 
-    CYCLES = STANDSTILL_CYCLES
+    CYCLES = limits.STANDSTILL_CYCLES
 
     def __init__(self, tolerance: float) -> None:
         self._tolerance, self._anchor, self._cycles = tolerance, math.nan, 0
@@ -24,7 +29,7 @@ class Standstill:
     @classmethod
     def of_ramp(cls, deceleration: float, step: float, dt: float) -> Standstill:
         """Slower than any motion of a `deceleration` (rad/s^2 | m/s^2) that matters, with an encoder's `step`."""
-        return cls(max(2.0 * step, deceleration * STANDING * STANDSTILL_CYCLES * dt))
+        return cls(max(2.0 * step, deceleration * limits.STANDING * limits.STANDSTILL_CYCLES * dt))
 
     def stands(self, position: float) -> bool:
         """Whether the axis stands still, with this period's `position` (rad | m)."""
@@ -32,7 +37,7 @@ class Standstill:
             self._cycles += 1
         else:
             self._anchor, self._cycles = position, 0
-        return self._cycles >= STANDSTILL_CYCLES
+        return self._cycles >= limits.STANDSTILL_CYCLES
 
 
 class PowerTransition:
@@ -47,7 +52,7 @@ class PowerTransition:
     @property
     def certain(self) -> bool:
         """Whether the statusword is later than the order: the first answers may show the time before it."""
-        return self._answers > OLD_ANSWERS
+        return self._answers > limits.OLD_ANSWERS
 
     def step(self, now: Feedback) -> DriveState:
         """Read this period's feedback; the state of the drive."""
@@ -65,15 +70,43 @@ class PowerTransition:
                 self.controlword = _OFF
 
 
+class BrakeSequence:
+    """When a brake is released and engaged, period by period."""
+
+    def __init__(self, brake: Brake, dt: float, output: Callable[[bool], None]) -> None:
+        """With the period `dt` (s); `output` sets (True) or releases the brake where we work it."""
+        self.present = brake.present
+        self._output = output if brake.control == "output" else lambda _: None  # the drive works its brake by itself
+        self._torque = math.ceil(limits.TORQUE_TIME / dt) if brake.present else 0
+        self._free = self._torque + math.ceil(brake.release / dt)
+        self.engaging = math.ceil(brake.engage / dt) if brake.present else 0  # periods until it holds
+        self.keeps_enabled = brake.control == "output"  # while it engages
+        self._powered = 0  # periods in Operation enabled
+
+    def released(self) -> bool:
+        """Whether the axis may move, one period of Operation enabled later; releases the brake on the way."""
+        if not self.present:
+            return True
+        if self._powered == self._torque:
+            self._output(False)
+        self._powered += 1
+        return self._powered > self._free
+
+    def engage(self) -> None:
+        """Set the brake; it holds `engaging` periods later."""
+        self._powered = 0
+        self._output(True)
+
+
 class FaultReset:
     """Bit 7 of the controlword (transition 15): held until the fault is gone, few edges, a pause between them."""
 
-    DURATION = RESET_EDGES * (RESET_HOLD + RESET_PAUSE)  # s
+    DURATION = limits.RESET_EDGES * (limits.RESET_HOLD + limits.RESET_PAUSE)  # s
 
     @staticmethod
     def controlword(elapsed: float) -> int:
         """The controlword `elapsed` (s) after the beginning."""
-        held = elapsed % (RESET_HOLD + RESET_PAUSE) < RESET_HOLD
+        held = elapsed % (limits.RESET_HOLD + limits.RESET_PAUSE) < limits.RESET_HOLD
         return cia402.DeviceCommand.FAULT_RESET.controlword if held else _OFF
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from stagectl.drives.bus.frames import Bus, frame, parse
+from stagectl.drives.bus.frames import MASTER, SDO_ANSWER, SDO_REQUEST, Bus, frame, parse
 from stagectl.drives.canopen import cia402, presets
 from stagectl.drives.canopen.network import check_profile, load_eds
-from stagectl.drives.canopen.plain_sdo import PlainSdo, SilentDriveError, number
+from stagectl.drives.canopen.object_access import PlainSdo, SilentDriveError, number
 from stagectl.drives.canopen.presets import Preset
 from stagectl.drives.canopen.protection import NOT_OFFERED, outlook
 from stagectl.drives.clock import WALL, Clock
@@ -20,8 +20,6 @@ MODES = {0: "profile position", 2: "profile velocity", 3: "profile torque", 5: "
 MODES |= {7: "cyclic synchronous position", 8: "cyclic synchronous velocity", 9: "cyclic synchronous torque"}
 UNIT_OF_ACCELERATION = 0x60AA
 RPM_PER_SECOND = 0x00C0_0300  # of 0x60AA, as CiA 303-2 writes it
-_NODES = 126  # highest id that is asked; 127 is our own
-_REQUEST, _ANSWER = 0x600, 0x580  # SDO, less the node id
 
 Read = Callable[[int, int], bytes | None]
 
@@ -66,21 +64,22 @@ def probe(
     return result._replace(answers=answers, doubts=(*result.doubts, *doubts, *against_eds(wire, read, result.preset)))
 
 
-def answering(bus: Bus, clock: Clock = WALL) -> list[int]:
-    """Ids of the nodes that answer an SDO on `bus`, asked eight at a time as queues are short."""
-    nodes = set()
-    for first in range(1, _NODES + 1, SCAN_AT_ONCE):
-        for node in range(first, min(first + SCAN_AT_ONCE, _NODES + 1)):
-            bus.send(frame(_REQUEST + node, cia402.UPLOAD_DEVICE_TYPE))
-        end = clock.now() + SCAN_TIME
-        while (left := end - clock.now()) > 0.0:
+def answering(
+    bus: Bus, clock: Clock = WALL, nodes: Sequence[int] = range(1, MASTER), patience: float = SCAN_TIME
+) -> list[int]:
+    """Which of the `nodes` answer an SDO on `bus` within `patience` (s): asked eight at a time, as queues are short."""
+    found = set[int]()
+    for first in range(0, len(nodes), SCAN_AT_ONCE):
+        asked = nodes[first : first + SCAN_AT_ONCE]
+        for node in asked:
+            bus.send(frame(SDO_REQUEST + node, cia402.UPLOAD_DEVICE_TYPE))
+        end = clock.now() + patience
+        while not found.issuperset(asked) and (left := end - clock.now()) > 0.0:
             raw = bus.receive(left)
-            identifier = parse(raw)[0] if raw is not None else 0
-            if _ANSWER < identifier <= _ANSWER + _NODES:
-                nodes.add(identifier - _ANSWER)
             if raw is None:
                 break
-    return sorted(nodes)
+            found.add(parse(raw)[0] - SDO_ANSWER)
+    return sorted(found.intersection(nodes))
 
 
 def _silent(wire: Canopen, others: list[int]) -> str:
@@ -122,7 +121,7 @@ def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeR
     reported_rated = number(read(preset.rated >> 8, preset.rated & 0xFF))
     current = rated or (reported_rated * 1e-3 if reported_rated else None)
     answers = {**_identity(read), **_state(read, modes), **_stops(read), **_units(read)}
-    key = f"rated current (0x{preset.rated >> 8:04X}:{preset.rated & 0xFF:02X})"
+    key = f"rated current ({cia402.shown(preset.rated)})"
     answers[key] = f"{reported_rated * 1e-3:g} A" if reported_rated is not None else NOT_OFFERED
     values = presets.wire_values(preset, current) if current else {}
     unit = number(read(UNIT_OF_ACCELERATION, 0))

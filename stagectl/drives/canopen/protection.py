@@ -15,18 +15,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from stagectl.drives.bus.frames import REMOTE, frame
+from stagectl.drives.bus.frames import HEARTBEAT, MASTER, REMOTE, frame
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import Fits, Held, ObjectAccess
 from stagectl.drives.canopen.pdo import PdoMap
 from stagectl.drives.canopen.pdo_setup import EVENT_TIMER
-from stagectl.drives.drive import ACCEPTED, Accepted, Canopen, DriveError
+from stagectl.drives.drive import ACCEPTED, Accepted, Canopen
 from stagectl.drives.limits import BEATS
 from stagectl.drives.run_on import AxisLimits
 
-MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it
 NOT_OFFERED = "not offered by this drive"
-HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
+ALIVE = frame(HEARTBEAT + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
 _QUICK_STOP, _HOLDS = 3, (5, 6, 7, 8)  # option 0x6007; options 0x605A that stay in Quick stop active, under power
 _WRITTEN = (_QUICK_STOP, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
@@ -65,7 +64,7 @@ class Supervision:
             self._lack("no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
         reacts, brakes = self._reaction()
         period = min(self._settings.heartbeat, (heartbeat or guarding or self._settings.heartbeat) / BEATS)
-        alive = frame(REMOTE | 0x700 + self._settings.node) if guarding else HEARTBEAT
+        alive = frame(REMOTE | HEARTBEAT + self._settings.node) if guarding else ALIVE
         self._produce(0.0 if guarding else period)
         protection = Protection(timeout, reacts, brakes, alive, period)
         self._description["protection"] = in_words(protection, self._limits)
@@ -177,19 +176,16 @@ def lacks(
     objects: ObjectAccess, description: dict[str, str], name: Accepted, key: int, value: int | None, detail: str = ""
 ) -> None:
     """Note what a drive lacks and the stage file accepts by `name`.  Raises DriveError where it does not."""
-    s = objects.settings
-    if name in s.accept:
+    if name in objects.settings.accept:
         description[f"ACCEPTED: {name}"] = ACCEPTED[name]
         return
     shown = "missing, or does not hold what is written" if value is None else f"{value}"
-    what = f"Object 0x{key >> 8:04X}:{key & 0xFF:02X} is {shown}"
-    raise DriveError(
-        f"node {s.node}: {ACCEPTED[name]}. {what}; {detail or _REMEDY[name]}."
+    raise objects.error(
+        f": {ACCEPTED[name]}. Object {cia402.shown(key)} is {shown}; {detail or _REMEDY[name]}."
         f" It is not enabled like this, unless the stage file says 'drive.wire.accept: [{name}]'",
-        place="drive.wire.accept",
-        node=s.node,
-        object_key=key,
-        value=value,
+        key,
+        value,
+        "drive.wire.accept",
     )
 
 

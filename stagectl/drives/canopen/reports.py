@@ -9,6 +9,7 @@ import math
 import struct
 from collections.abc import Callable
 
+from stagectl.drives.bus.frames import EMERGENCY, HEARTBEAT, NMT, RPDO, SDO_ANSWER
 from stagectl.drives.canopen import cia402, fault_texts
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.fault_texts import Deviation, DriveSigns, Emergency
@@ -18,8 +19,6 @@ from stagectl.drives.drive import Canopen, Fault
 from stagectl.drives.limits import YOUNG_HEARTBEAT
 
 _EMERGENCY = struct.Struct("<8xHB5s")
-_EMERGENCIES, _RPDO, _ANSWERS, _HEARTBEATS = 0x080, 0x200, 0x580, 0x700  # identifiers, less the node
-_NMT_COMMAND = 0x000
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
 _NONE, _DRIVE_FAULT = Fault.NONE, Fault.DRIVE_FAULT
 _ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
@@ -82,12 +81,12 @@ class Reports:
     def take(self, raw: bytes) -> None:
         """A frame that is not our TPDO."""
         identifier, node = int.from_bytes(raw[:4], "little"), self._node
-        if identifier == _EMERGENCIES + node:
+        if identifier == EMERGENCY + node:
             emergency = Emergency(*_EMERGENCY.unpack(raw))
             self.emergency = emergency if emergency.code & 0xFF00 else None
-        elif identifier == _HEARTBEATS + node:
+        elif identifier == HEARTBEAT + node:
             self._hear(raw[8])
-        elif identifier == _ANSWERS + node and (self.serving or self.proving):
+        elif identifier == SDO_ANSWER + node and (self.serving or self.proving):
             self.problem = self.watch.mode(raw[8:16]) or self.problem
         elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
             self.problem = fault_texts.OTHER_MAPPING.filled(raw[4], self._answer.head[4])
@@ -103,8 +102,8 @@ class Reports:
 
     def _notice_other_controller(self, identifier: int, raw: bytes) -> None:
         """A frame that only a controller sends: it is not ours, as nobody hears what he sends himself."""
-        if identifier == _NMT_COMMAND and raw[4] and raw[9] in (0, self._node):
+        if identifier == NMT and raw[4] and raw[9] in (0, self._node):
             said = f"its NMT command 0x{raw[8]:02X} for node {raw[9]} was seen"
             self.problem = fault_texts.OTHER_CONTROLLER.filled(said)
-        elif identifier == _RPDO + self._node:
+        elif identifier == RPDO + self._node:
             self.problem = fault_texts.OTHER_CONTROLLER.filled("its command (RPDO) to this drive was seen")

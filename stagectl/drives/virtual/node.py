@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.faulty_bus import FaultyBus
-from stagectl.drives.bus.frames import Bus
+from stagectl.drives.bus.frames import HEARTBEAT, Bus
 from stagectl.drives.canopen import cia402, pdo_mapping
 from stagectl.drives.canopen.library import canopen
 from stagectl.drives.canopen.network import PumpedNetwork, load_eds
@@ -132,7 +132,7 @@ class VirtualNode:
         self._tpdos = [(pdo, [objects.reader(key) for key in pdo.objects]) for pdo in sent]
         self._sync_head = struct.pack("<I", objects.number(cia402.SYNC_COB_ID) & 0x7FF)
         consumed = objects.number(cia402.CONSUMER_HEARTBEAT, 1)
-        self._partner_head = struct.pack("<I", 0x700 + (consumed >> 16 & 0x7F))
+        self._partner_head = struct.pack("<I", HEARTBEAT + (consumed >> 16 & 0x7F))
         self._heartbeat.timeout = (consumed & 0xFFFF) * 1e-3
         self._command.timeout = max((pdo.deadline for pdo in self._rpdos.values()), default=0.0)
 

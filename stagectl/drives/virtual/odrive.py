@@ -11,14 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.cycle_time import CHARACTER_BITS
 from stagectl.drives.drive import DriveError, Odrive
 from stagectl.drives.limits import CLOCK_TICK, ODRIVE_LINE
-from stagectl.drives.odrive import CLOSED_LOOP, IDLE, TORQUE_CONTROL
+from stagectl.drives.odrive import CLOSED_LOOP, IDLE, TORQUE_CONTROL, WATCHDOG_EXPIRED
 from stagectl.drives.simulated import Plant
 
-_BITS = 10  # of a character
 _TURN = 2.0 * math.pi
-_WATCHDOG_EXPIRED = 0x0100_0000  # of ODrive.Error
 
 
 class VirtualOdrive:
@@ -50,7 +49,7 @@ class VirtualOdrive:
             self._time = now
         limit = self.values["config.watchdog_timeout"]
         if self.enabled and self.values["config.enable_watchdog"] and now - self._fed > limit:
-            self.values["active_errors"] = _WATCHDOG_EXPIRED
+            self.values["active_errors"] = WATCHDOG_EXPIRED
             self._power(IDLE)
 
     def obey(self, line: str) -> str:
@@ -152,5 +151,5 @@ class Pty:
 
     def _spend(self, characters: int) -> None:
         """Let the time go by that so many characters take on the line."""
-        self._free = max(self._free, self._clock.now()) + characters * _BITS / self._baud
+        self._free = max(self._free, self._clock.now()) + characters * CHARACTER_BITS / self._baud
         self._clock.sleep(max(self._free - self._clock.now(), 0.0))

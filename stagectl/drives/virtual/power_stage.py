@@ -16,9 +16,8 @@ from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DeviceCommand, DriveState
 from stagectl.drives.limits import STANDING, STILL_TIME, STOP_GRACE
 from stagectl.drives.simulated import Plant
-from stagectl.drives.virtual.holding_brake import HoldingBrake
 from stagectl.drives.virtual.homing import VirtualHoming
-from stagectl.drives.virtual.sensor import Actuator, Sensor
+from stagectl.drives.virtual.sensor import Actuator, HoldingBrake, Sensor
 
 _VOLTAGE = 0x0010  # bit of the statusword
 

@@ -1,6 +1,6 @@
-"""Encoder and current path of the virtual drive, between plant and electronics: where faults act.
+"""Encoder, current path and brake of the virtual drive, between plant and electronics: where faults act.
 
-Without a fault both pass their signal on unchanged.
+Without a fault encoder and current path pass their signal on unchanged.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ import collections
 from collections.abc import Callable
 from typing import NamedTuple
 
+from stagectl.drives.brake import Brake
 from stagectl.drives.bus.faulty_bus import Undo, added
+from stagectl.drives.canopen.cia402 import BRAKE_BIT
 from stagectl.drives.simulated import Plant
 
 
@@ -70,6 +72,35 @@ class Actuator:
     def distort(self, distortion: Callable[[float], float]) -> Undo:
         """Distort the current until the returned function is called."""
         return added(self._distortions, distortion)
+
+
+class HoldingBrake:
+    """The brake of a virtual axis, worked by its drive or by bit 0 of the drive's digital outputs (0x60FE).
+
+    `free` says whether the axis can move; without a brake it always can.
+    """
+
+    def __init__(self, p: Brake) -> None:
+        self._p = p
+        self.present, self.by_drive = p.present, p.control == "drive"
+        self.engage = p.engage  # s until it holds
+        self.restart()
+
+    def restart(self) -> None:
+        """As after power-on: the brake holds, and no output is worked."""
+        self.free = not self.present
+        self.outputs, self.mask = BRAKE_BIT, 0  # 0x60FE:01 and :02
+        self._elapsed = 0.0  # s since it was told otherwise
+
+    def advance(self, seconds: float) -> None:
+        """Let time go on: an output takes effect after the brake's own time."""
+        wanted = bool(self.mask & ~self.outputs & BRAKE_BIT)
+        if self.by_drive or not self.present or wanted == self.free:
+            self._elapsed = 0.0
+            return
+        self._elapsed += seconds
+        if self._elapsed >= (self._p.release if wanted else self._p.engage):
+            self.free = wanted
 
 
 def late(delay: int) -> Callable[[float], float]:

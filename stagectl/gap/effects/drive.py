@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
-from stagectl.gap.effects.stage_changes import added, put
+from stagectl.gap.effects.stage_changes import added, delayed, put
 from stagectl.kernels.stage import Stage
 
 
@@ -15,7 +15,10 @@ def _offset(_: Scales) -> Parameters:
     return Parameters((Amplitude("current", "A", (0.03,)),), (Shape("reported", "", (0.0, 1.0), False),), apply)
 
 
-def _current_limit(s: Scales) -> Parameters:
+def _current_limit(s: Scales) -> Parameters | None:
+    if not s.commanded:
+        return None
+
     def apply(p: Stage, v: Values) -> Stage:
         if v["depth"] <= 0.0:
             return p
@@ -26,7 +29,7 @@ def _current_limit(s: Scales) -> Parameters:
 
 
 def _voltage_limit(s: Scales) -> Parameters | None:
-    if s.voltage <= 0.0:
+    if s.voltage <= 0.0 or not s.commanded:
         return None
     return Parameters((_DEPTH,), (), lambda p, v: put(p, "drive.voltage_limit", s.voltage * (1.0 - v["depth"])))
 
@@ -34,15 +37,38 @@ def _voltage_limit(s: Scales) -> Parameters | None:
 _DEPTH = Amplitude("depth", "", grids.LIMIT_DEPTHS, 0.0, 0.9)
 
 
+def _dead_time(s: Scales) -> Parameters | None:
+    """Where a current is measured; the baseline fit moves the delay where it is not."""
+    if not s.commanded or not s.measured:
+        return None
+    delay = Amplitude("time", "s", (0.0006,), -s.delay, 4.0 * s.dt)
+    return Parameters((delay,), (), lambda p, v: delayed(p, v["time"], s.dt))
+
+
+def _current_loop(s: Scales) -> Parameters | None:
+    if not s.commanded:
+        return None
+    lag = Amplitude("lag", "s", (0.0002,), -s.lag, 0.005)
+    return Parameters((lag,), (), lambda p, v: put(p, "drive.current_lag", max(p.drive.current_lag + v["lag"], 0.0)))
+
+
+def _torque_path(s: Scales) -> Parameters | None:
+    """What comes of a command, by direction; without a current it is the force constant's."""
+    if not s.commanded or not s.measured:
+        return None
+    names = ("gain", "gain_asymmetry", "offset", "directed_offset")
+    amplitudes = (
+        Amplitude("gain", "", (0.05,), -0.9, 10.0),
+        Amplitude("gain_asymmetry", "", (0.05,), -0.9, 0.9),
+        *(Amplitude(name, "A", (0.03 * s.current,)) for name in names[2:]),
+    )
+    return Parameters(amplitudes, (), added(**{name: f"drive.{name}" for name in names}))
+
+
 PARAMETERS: dict[str, ParametersOf] = {
-    "dead_time": lambda s: Parameters(
-        (Amplitude("time", "s", (0.0006,), 0.0, 4.0 * s.dt),), (), added(time="drive.dead_time")
-    ),
-    "current_loop": lambda _: Parameters(
-        (Amplitude("lag", "s", (0.0002,), -0.001, 0.005),),
-        (),
-        lambda p, v: put(p, "drive.current_lag", max(p.drive.current_lag + v["lag"], 0.0)),
-    ),
+    "dead_time": _dead_time,
+    "torque_path": _torque_path,
+    "current_loop": _current_loop,
     "current_gain": lambda _: Parameters(
         (Amplitude("size", "", (0.02,), -0.2, 0.2),), (), added(size="drive.telemetry.gain")
     ),

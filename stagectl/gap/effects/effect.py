@@ -58,6 +58,11 @@ class Scales(NamedTuple):
     voltage: float = 0.0  # V, largest that the motor needed; 0: resistance or back-EMF not known
     modes: tuple[float, ...] = ()  # Hz, of the resonances in the residual
     periods: float = 0.0  # encoder periods per pitch; 0: not known
+    delay: float = 0.0  # s, from command to current in the nominal model, without the current loop
+    lag: float = 0.0  # s, of the nominal current loop
+    commanded: bool = True  # whether a command was logged: else the current is what was measured
+    measured: bool = True  # whether a current was
+    rotates: bool = False  # whether the position is an angle of what moves, so that gravity goes with it
     orders: Mapping[str, tuple[float, ...]] = MappingProxyType({})  # of each harmonic effect, seen in the residual
 
 
@@ -122,7 +127,7 @@ class Effect(NamedTuple):
     nominal: bool = False  # every model has it: a change of it is an error of a parameter
     force_scaled: bool = False  # an error of the force constant scales its fitted value
     in_stage_file: bool = True  # the stage file has entries for its `places`
-    answer: str = "current"  # of the controller that knows it: current | design (loop and look-ahead) | none
+    answer: str = "current"  # of the controller: current | map (in the target) | design (loop, look-ahead) | none
 
 
 class Definition(NamedTuple):

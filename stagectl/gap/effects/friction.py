@@ -11,7 +11,7 @@ from stagectl.kernels.stage import Stage
 def _stribeck(s: Scales) -> Parameters:
     speeds = tuple(s.speed * f for f in grids.STRIBECK_SPEEDS)
     shapes = (Shape("velocity", "rad/s | m/s", speeds), Shape("shape", "", (1.0,)))
-    return Parameters((Amplitude("rise", "", (0.1,), -0.5, 3.0),), shapes, _with_stribeck)
+    return Parameters((Amplitude("rise", "", (0.1,), 0.0, 3.0),), shapes, _with_stribeck)
 
 
 def _with_stribeck(p: Stage, v: Values) -> Stage:
@@ -80,14 +80,14 @@ PARAMETERS: dict[str, ParametersOf] = {
     "friction_lag": _lag,
     "dwell": _dwell,
     "load_friction": lambda _: Parameters(
-        (Amplitude("share", "", (0.03,), -0.2, 0.5),), (), added(share="friction.load")
+        (Amplitude("share", "", (0.03,), 0.0, 0.5),), (), added(share="friction.load")
     ),
     "position_friction": _position,
     "lead_friction": lambda s: harmonic_parameters(
-        "friction.lead", "", 0.03, (1.0, *s.orders.get("lead_friction", ()))
+        "friction.lead", "", 0.03, (1.0, *s.orders.get("lead_friction", ())), 0.7
     ),
     "ball_pass_ripple": lambda s: harmonic_parameters(
-        "friction.ball_pass", "", 0.03, s.orders.get("ball_pass_ripple", ())
+        "friction.ball_pass", "", 0.03, s.orders.get("ball_pass_ripple", ()), 0.7
     ),
     "thermal_coulomb": lambda _: Parameters(
         (Amplitude("rise", "", (0.1,), -0.9, 5.0),),

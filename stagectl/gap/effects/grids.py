@@ -21,3 +21,4 @@ BASE_FREQUENCIES = (8.0, 11.0, 15.0, 21.0, 29.0, 40.0, 55.0)  # Hz
 SAME_FREQUENCY = 0.05  # relative distance below which a base frequency of the grid is one that the logs show
 _ARCSECOND = 7.7e-7  # of a pitch of one turn
 ENCODER_ERRORS = (30.0 * _ARCSECOND, 3.0 * _ARCSECOND)  # of a pitch: once per turn, once per signal period
+COGGING_OF_EFFORT = 0.1  # of the largest effort: typical cogging of a bare motor, whose friction is smaller than it

@@ -52,8 +52,9 @@ def definitions(scales: Scales) -> list[Definition]:
 
 
 def answered() -> tuple[str, ...]:
-    """The effects that a controller answers with a current along the reference, once its model has them."""
-    return tuple(effect.name for effect in EFFECTS.values() if effect.answer == "current" and not effect.nominal)
+    """The effects that a controller answers along the reference, once its model has them: by a current, or a map."""
+    known = (effect for effect in EFFECTS.values() if not effect.nominal)
+    return tuple(effect.name for effect in known if effect.answer in ("current", "map"))
 
 
 def left_out(p: Stage, names: Iterable[str]) -> Stage:

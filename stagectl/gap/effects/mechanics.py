@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
-from stagectl.gap.effects.stage_changes import added, decay, filled, get, harmonic_parameters, put
+from stagectl.gap.effects.stage_changes import (
+    added,
+    decay,
+    filled,
+    get,
+    harmonic,
+    harmonic_parameters,
+    put,
+)
 from stagectl.kernels.stage import Stage
 
 _EFFORT, _STIFFNESS = "N m | N", "N m/rad | N/m"
+_COGGING = ("motor.cogging", "motor.cogging_second", "motor.cogging_third", "motor.cogging_fourth")
 _TRANSMISSION = ("load_share", "load_friction", "resonance", "damping")
 
 
@@ -18,7 +27,7 @@ def _viscous_nonlinear(s: Scales) -> Parameters:
         place, scale = ("root", s.speed**0.5) if v["root"] else ("quadratic", s.speed**2)
         return put(p, f"mechanics.{place}", get(p.mechanics, place) + effort / scale)
 
-    return Parameters((Amplitude("size", "", (0.2,), -2.0, 2.0),), (Shape("root", "", (0.0, 1.0), False),), apply)
+    return Parameters((Amplitude("size", "", (0.2,), 0.0, 2.0),), (Shape("root", "", (0.0, 1.0), False),), apply)
 
 
 def _cable_spring(s: Scales) -> Parameters:
@@ -82,9 +91,33 @@ def _base_vibration(s: Scales) -> Parameters:
     )
 
 
+def _cogging_map(s: Scales) -> Parameters | None:
+    """A harmonic of the pitch with its multiples, as the teeth of a motor give them."""
+    orders = s.orders.get("cogging", ())
+    if not orders:
+        return None
+    size = max(0.02 * s.coulomb, grids.COGGING_OF_EFFORT * s.force_constant * s.current)
+    pairs = [Amplitude(f"{part}_{k}", _EFFORT, (size,)) for k in range(1, 5) for part in ("sine", "cosine")]
+
+    def apply(p: Stage, v: Values) -> Stage:
+        for k, place in enumerate(_COGGING, 1):
+            part = {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": k * v["order"]}
+            p = harmonic(place)(p, part)
+        return p
+
+    return Parameters(tuple(pairs), (Shape("order", "", orders, False),), apply)
+
+
+def _gravity(s: Scales) -> Parameters | None:
+    """The weight of what turns about an axis that is not vertical; not where the position is no angle."""
+    return harmonic_parameters("mechanics.gravity", _EFFORT, s.coulomb, (1.0,)) if s.rotates else None
+
+
 PARAMETERS: dict[str, ParametersOf] = {
     "cogging": lambda s: harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, s.orders.get("cogging", ())),
-    "current_ripple": lambda s: harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ())),
+    "cogging_map": _cogging_map,
+    "gravity": _gravity,
+    "current_ripple": lambda s: harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ()), 0.2),
     "viscous_nonlinear": _viscous_nonlinear,
     "viscous_asymmetry": lambda _: Parameters(
         (Amplitude("size", "", (0.1,), -0.9, 0.9),), (), added(size="mechanics.viscous_asymmetry")

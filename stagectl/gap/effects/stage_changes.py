@@ -48,9 +48,11 @@ def harmonic(place: str) -> Change:
     return apply
 
 
-def harmonic_parameters(place: str, unit: str, size: float, orders: tuple[float, ...]) -> Parameters:
-    """Sine and cosine of typically `size`, at each of the `orders`, of the Harmonic at `place`."""
-    pair = (Amplitude("sine", unit, (size,)), Amplitude("cosine", unit, (size,)))
+def harmonic_parameters(
+    place: str, unit: str, size: float, orders: tuple[float, ...], most: float = math.inf
+) -> Parameters:
+    """Sine and cosine of typically `size`, at `most` so large, at each of the `orders`, of the Harmonic at `place`."""
+    pair = tuple(Amplitude(part, unit, (size,), -most, most) for part in ("sine", "cosine"))
     return Parameters(pair, (Shape("order", "", orders, False),), harmonic(place))
 
 
@@ -67,3 +69,11 @@ def stretched(p: Stage, v: Values) -> Stage:
 def decay(v: Values, t: Any) -> Any:
     """``exp(-t / time)`` at the session clock `t` (n,) s: 1 on a cold machine, 0 on a warm one."""
     return np.exp(-t / v["time"])
+
+
+def delayed(p: Stage, later: float, dt: float) -> Stage:
+    """The drive's delay longer by `later` (s): as dead time, or whole periods `dt` (s) fewer where it is shorter."""
+    dead = p.drive.dead_time + later
+    fewer = min(math.ceil(max(-dead, 0.0) / dt), p.drive.delay_samples)
+    delay = p.drive._replace(delay_samples=p.drive.delay_samples - fewer, dead_time=max(dead + fewer * dt, 0.0))
+    return p._replace(drive=delay)

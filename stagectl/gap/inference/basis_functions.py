@@ -141,6 +141,7 @@ def bases_of(size: Scales, motions: Sequence[RunMotion]) -> list[CoordinateBasis
             *(order for order in size.orders.get("cogging", ()) if order > thresholds.PITCH_ORDERS),
         }
     )
+    current = _over("current", lambda m: m.current, np.linspace(-size.current, size.current, thresholds.CURRENT_NODES))
     return [
         _over("speed", lambda m: np.abs(m.velocity), speeds),
         _over("acceleration", lambda m: m.acceleration, np.linspace(-largest, largest, thresholds.ACCELERATION_NODES)),
@@ -148,7 +149,8 @@ def bases_of(size: Scales, motions: Sequence[RunMotion]) -> list[CoordinateBasis
         _over("displacement_since_reversal", lambda m: m.since, np.concatenate([zone, beyond])),
         _over("position", lambda m: m.position, places),
         CoordinateBasis("position_mod_pitch", lambda m: m.position, waves(size.pitch, orders), 0.0, size.pitch),
-        _over("current", lambda m: m.current, np.linspace(-size.current, size.current, thresholds.CURRENT_NODES)),
+        # Where one current is all that was logged, what a model leaves is a part of that very current.
+        *([current] if size.commanded and size.measured else []),
     ]
 
 

@@ -15,10 +15,10 @@ from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, BasisColumns
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.residuals.partialled_out import folds, partialled_out
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.result.diagnosis import Coordinate
-from stagectl.gap.selection import candidate_scores
-from stagectl.gap.selection.cross_validation import folds, partialled_out
+from stagectl.gap.selection import refine
 from stagectl.gap.selection.refine import Evidence
 
 
@@ -61,9 +61,7 @@ def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: boo
     """Both cuts by themselves: one function of effort and one of current."""
     gain = closable = 0.0
     for cut, part in enumerate((g.effort, g.current)):
-        before, after = predicted_squares(
-            partialled_out(folds(g, part), g.places(candidate_scores.nuisances(e))), g.places(names)
-        )
+        before, after = predicted_squares(partialled_out(folds(g, part), g.places(refine.moving(e))), g.places(names))
         gain += max(before - after, 0.0)
         closable += max(before - float(floor[cut]), 0.0)
     # Differences between repeats count as floor, unless a drift predicts them.
@@ -89,7 +87,7 @@ def ridge_fit(g: Array, columns: Sequence[int], nuisances: Sequence[int] = ()) -
     A ridge draws those of the `columns` to zero that the data hardly excite.
     """
     places, free = [*nuisances, *columns], len(nuisances)
-    size = np.diag(g)[places].copy()
+    size = np.maximum(np.diag(g)[places], 0.0)  # below it by rounding, where nuisances were taken out
     own = size[free:]
     prior = np.concatenate([np.zeros(free), np.full(len(own), thresholds.RIDGE_SHARE * float(own.max(initial=0.0)))])
     scale = 1.0 / np.sqrt(size + prior + 1e-300)

@@ -1,7 +1,8 @@
 """Parameters of the model that are off: how far, how surely, and how much of the gap each of them causes.
 
-A shift counts where it is beyond the uncertainty that the half strokes give it, large enough to matter for a model, and
-material: without it, the rest of the model, refitted, must fit noticeably worse.
+A shift counts where it is more probable than none, large enough to matter for a model, and material: without it, the
+rest of the model, refitted, must fit noticeably worse.  Where only several together are material, because each stands
+in for the others, the one that explains most alone counts, and the others are its alternatives.
 """
 
 from __future__ import annotations
@@ -10,14 +11,17 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import expit, ndtr
 
 from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.inference import thresholds
+from stagectl.gap.inference.estimates import Estimate, estimates, whole_delay
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
-from stagectl.gap.selection import baseline_fit, refine
+from stagectl.gap.selection import baseline_fit, constants, refine
+from stagectl.gap.selection.linearised import Errors
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -26,9 +30,13 @@ UNITS = {
     "viscous": "N m s/rad | N s/m",
     "bias": "N m | N",
     "time_shift": "s",
+    "dead_time": "s",
     "coulomb": "N m | N",
     "presliding": "rad | m",
 }  # rotary | linear
+
+
+POSITIVE = ("inertia", "viscous", "coulomb", "presliding", "dead_time")
 
 
 class Shift(NamedTuple):
@@ -39,55 +47,35 @@ class Shift(NamedTuple):
     deviation: float  # of the change
     share: float  # of the closable misfit before the refit that returns without it
     value: Value
-    sure: bool
+    probability: float
+    alike: tuple[str, ...] = ()  # parameters of which one explains as much
+    from_nothing: bool = False  # the nominal value is 0: no force constant makes something of it
+
+    @property
+    def sure(self) -> bool:
+        """Whether it counts."""
+        return self.probability > 0.5 and self.share > thresholds.SHIFT_SHARE
 
 
-class Estimate(NamedTuple):
-    """A parameter as fitted, SI."""
+class Material(NamedTuple):
+    """What the model loses without a shift."""
 
-    value: float
-    nominal: float
-    deviation: float  # standard
-    scale: float  # to which its change is relative
-
-
-def shifts(
-    session: Session, e: Evidence, now: Fitted, g: gram_matrices.Grams, deviation: Mapping[str, float], before: float
-) -> list[Shift]:
-    """All shifts of the refitted model; `before` is the closable misfit of the nominal model.
-
-    `g` holds the columns of all parameters at their fitted values, `deviation` their standard deviations.
-    """
-    returned = _returned(g, refine.nuisances(e), _moves(session, now))
-    estimates = _estimates(session, now, deviation)
-    estimates["coulomb"] = _coulomb(session, now, g, list(deviation))
-    shares = {name: returned.get(name, 0.0) / before for name in estimates}
-    known = [_shift(name, estimate, shares[name], session.kind) for name, estimate in estimates.items()]
-    return [*known, *_presliding(session, now)]
+    misfit: float  # that returns
+    given: tuple[str, ...] = ()  # other parameters that stay at their nominal values
+    alike: tuple[str, ...] = ()  # those of them that explain about as much alone
 
 
-def _estimates(session: Session, now: Fitted, deviation: Mapping[str, float]) -> dict[str, Estimate]:
-    """Values of the parameters that have a column of their own."""
-    p, q = session.stage.mechanics, now.model.stage.mechanics
-    estimates = {
-        "inertia": (q.inertia, p.inertia, p.inertia),
-        "viscous": (q.viscous, p.viscous, p.viscous or 1e-9),
-        "bias": (q.bias, p.bias, friction_family.size(session.stage)),
-        "time_shift": (now.model.shift, 0.0, session.dt),
-    }
-    return {
-        name: Estimate(value, nominal, deviation[name], scale)
-        for name, (value, nominal, scale) in estimates.items()
-        if name in deviation
-    }
-
-
-def _coulomb(session: Session, now: Fitted, g: gram_matrices.Grams, names: list[str]) -> Estimate:
-    """Coulomb friction, with the deviation of the sum of all weights of its law."""
-    places = [names.index(name) for name in names if name.startswith("weight_")]
-    variance = gram_matrices.clustered_covariance(g, names)[np.ix_(places, places)].sum()
-    nominal, value = (stage.sliding(p.friction) for p in (session.stage, now.model.stage))
-    return Estimate(value, nominal, float(np.sqrt(max(variance, 0.0))), friction_family.size(session.stage))
+def shifts(session: Session, e: Evidence, now: Fitted, known: Errors, before: float) -> list[Shift]:
+    """All shifts of the refitted model; `before` is the closable misfit of the nominal model."""
+    moves = {name: move for name, move in _moves(session, now).items() if set(move) <= set(refine.nuisances(e))}
+    material = _materials(known.grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * before)
+    joint = estimates(session, e, now, known)
+    parts = {name: material.get(name, Material(0.0)) for name in joint.estimates}
+    of_columns = [
+        _shift(name, joint.given(name, part.given), part.misfit / before, session.kind, part.alike)
+        for name, part in parts.items()
+    ]
+    return [*of_columns, *_presliding(session, now)]
 
 
 def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
@@ -101,6 +89,7 @@ def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
         "viscous": {"viscous": p.mechanics.viscous - q.mechanics.viscous},
         "bias": {"bias": p.mechanics.bias - q.mechanics.bias},
         "time_shift": {"time_shift": -now.model.shift},
+        "dead_time": {"dead_time": whole_delay(p, session.dt) - whole_delay(q, session.dt)},
         "coulomb": {baseline_fit.weight_name(k): -change * float(w) / total for k, w in enumerate(weights)},
     }
 
@@ -113,26 +102,34 @@ def undone(session: Session, now: Fitted, name: str) -> TrackedModel:
     if name == "force_constant":
         return whole._replace(stage=session.stage)
     still = {baseline_fit.weight_name(k): 0.0 for k in range(len(whole.stage.friction.operators.weight))}
-    return baseline_fit.moved(whole, {**still, **_moves(session, now)[name]}, None)
+    return baseline_fit.moved(whole, {**still, **_moves(session, now)[name]}, None, session.dt)
 
 
-def _returned(
-    g: gram_matrices.Grams, names: Sequence[str], moves: Mapping[str, Mapping[str, float]]
-) -> dict[str, float]:
-    """Misfit that comes back when one parameter goes back and all others of the model may follow."""
+def _materials(
+    g: gram_matrices.Grams, names: Sequence[str], moves: Mapping[str, Mapping[str, float]], least: float
+) -> dict[str, Material]:
+    """What each of `moves` is worth; one that returns less than `least` alone may be material with others."""
     summed = g.both.sum(axis=0)
-    returned = {}
-    for name, move in moves.items():
-        if not all(part in names for part in move):
-            continue
+
+    def returned(back: Sequence[str]) -> float:
+        """Misfit that comes back when these go back to their nominal values and all others may follow."""
+        move = {part: size for name in back for part, size in moves[name].items()}
         moved = np.zeros(len(g.names) + 1)
         moved[g.places(list(move))] = list(move.values())
-        others = g.places([other for other in names if other not in move])
+        others = g.places([name for name in names if name not in move])
         column = summed @ moved
-        whole = float(moved @ column)
         followed = float(column[others] @ least_squares.inverse(summed[np.ix_(others, others)]) @ column[others])
-        returned[name] = max(whole - followed, 0.0)
-    return returned
+        return max(float(moved @ column) - followed, 0.0)
+
+    found = {name: Material(returned([name])) for name in moves}
+    hidden = [name for name, alone in found.items() if alone.misfit <= least]
+    while hidden and (together := returned(hidden)) > least:
+        without = {name: returned([other for other in hidden if other != name]) for name in hidden}
+        best = min(hidden, key=lambda name: without[name])
+        hidden.remove(best)
+        alike = tuple(name for name in hidden if without[name] - without[best] <= least)
+        found[best] = Material(together - without[best], tuple(hidden), alike)
+    return found
 
 
 def _unit(name: str, kind: str) -> str:
@@ -140,12 +137,28 @@ def _unit(name: str, kind: str) -> str:
     return linear[0] if linear and kind == "linear" else rotary
 
 
-def _shift(name: str, p: Estimate, share: float, kind: str) -> Shift:
+def _shift(name: str, p: Estimate, share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
     change, spread = (p.value - p.nominal) / p.scale, p.deviation / p.scale
-    large = abs(change) > thresholds.SHIFT_LEAST[name] and abs(change) > thresholds.SHIFT_SIGMA * spread
     half = 1.96 * p.deviation
-    value = Value(p.value, p.value - half, p.value + half, _unit(name, kind))
-    return Shift(name, change, spread, share, value, large and share > thresholds.SHIFT_SHARE)
+    lowest = 0.0 if name in POSITIVE else -np.inf
+    value = Value(p.value, max(p.value - half, lowest), p.value + half, _unit(name, kind))
+    return Shift(name, change, spread, share, value, _probability(name, p), alike, p.nominal == 0.0)
+
+
+def _probability(name: str, p: Estimate) -> float:
+    """Probability that a parameter has changed, and by more than what matters for a model.
+
+    The odds of a change are those of its prior to its posterior density at the nominal value: a parameter of which
+    the data say nothing is no finding, however wide its interval (J. M. Dickey, Annals of Mathematical Statistics
+    42(1), 1971).
+    """
+    prior = max(p.prior, 1e-300)
+    spread = min(max(p.deviation, 1e-9 * p.scale), prior)
+    moved = p.value - p.nominal
+    log_odds = np.log(thresholds.SHIFT_ODDS[name] * spread / prior) + 0.5 * (moved / spread) ** 2
+    least = thresholds.SHIFT_LEAST[name] * p.scale
+    beyond = ndtr((moved - least) / spread) + ndtr((-moved - least) / spread)
+    return float(expit(log_odds) * beyond)
 
 
 def _presliding(session: Session, now: Fitted) -> list[Shift]:
@@ -159,7 +172,7 @@ def _presliding(session: Session, now: Fitted) -> list[Shift]:
     ):
         return []
     before, after = half_way(p), half_way(q)
-    estimate = Estimate(after, before, thresholds.PRESLIDING_ERROR * before, before)
+    estimate = Estimate(after, before, thresholds.PRESLIDING_ERROR * before, before, constants.LENGTH * before)
     return [_shift("presliding", estimate, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
 
 
@@ -170,13 +183,19 @@ def half_way(p: stage.Friction) -> float:
     return float(np.interp(0.5 * curve[-1], curve, grid))
 
 
+def of_force(known: Sequence[Shift]) -> list[Shift]:
+    """Those of inertia, viscous and Coulomb friction, in this order, that a force constant that is off would shift."""
+    by_name = {shift.name: shift for shift in known if not shift.from_nothing}
+    return [by_name[name] for name in FORCE_SCALED if name in by_name]
+
+
 def shared(known: Sequence[Shift]) -> frozenset[str]:
     """Those of inertia, viscous and Coulomb friction that have shifted as another of them has.
 
     A force constant that is off shifts all three alike.  Where two agree and the third has changed by itself, the force
     constant and that third one explain the data as well.
     """
-    scaled = [shift for shift in known if shift.sure and shift.name in FORCE_SCALED and shift.change > thresholds.LOST]
+    scaled = [shift for shift in of_force(known) if shift.sure and shift.change > thresholds.LOST]
     logs = {shift.name: np.log1p(shift.change) for shift in scaled}
     return frozenset(
         name
@@ -190,8 +209,7 @@ def common(known: Sequence[Shift]) -> Shift | None:
 
     None where the three do not agree.
     """
-    by_name = {shift.name: shift for shift in known}
-    three = [by_name[name] for name in FORCE_SCALED if name in by_name]
+    three = of_force(known)
     if len(three) < 3 or not all(
         abs(shift.change) > thresholds.COMMON_LEAST and shift.change > thresholds.LOST for shift in three
     ):
@@ -202,4 +220,11 @@ def common(known: Sequence[Shift]) -> Shift | None:
     scale = float(np.exp(-logs[0]))  # the inertia is known best
     width = 1.96 * max(three[0].deviation, thresholds.COMMON_ERROR)
     value = Value(scale - 1.0, scale - 1.0 - width, scale - 1.0 + width, "")
-    return Shift("force_constant", scale - 1.0, three[0].deviation, sum(shift.share for shift in three), value, True)
+    return Shift(
+        "force_constant",
+        scale - 1.0,
+        three[0].deviation,
+        sum(shift.share for shift in three),
+        value,
+        max(shift.probability for shift in three),
+    )

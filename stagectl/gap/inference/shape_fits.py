@@ -25,9 +25,9 @@ from stagectl.gap.inference.thresholds import (
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Columns, Products
+from stagectl.gap.residuals.partialled_out import against, folds, partialled_out
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import candidate_scores, null_ensemble, refine
-from stagectl.gap.selection.cross_validation import against, folds, partialled_out
+from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
 
@@ -78,7 +78,7 @@ def _fits(
     e: Evidence, now: Fitted, products: Products, basis: CoordinateBasis, variants: Sequence[tuple[str, ...]]
 ) -> list[ShapeFit]:
     """What variants of one function predict; `products` hold its columns, and those of all free parameters."""
-    nuisances = [*candidate_scores.nuisances(e), *(direction.name for direction in refine.parameters(now))]
+    nuisances = [*refine.moving(e), *(direction.name for direction in refine.parameters(now))]
     g = gram_matrices.fold_sums(products, means(now.residuals))
     free, floor = partialled_out(folds(g, g.effort), g.places(nuisances)), floor_of(e)
     machines = [against(free, place) for place in g.places(null_ensemble.member_names(products.names))]

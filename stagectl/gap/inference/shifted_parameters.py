@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Data
-from stagectl.gap.inference.parameter_errors import Shift, common, shared
-from stagectl.gap.inference.thresholds import FORCE_CONSTANT_PROBABILITY, SHIFT_HALF_CERTAIN
+from stagectl.gap.inference.parameter_errors import Shift, common, of_force, shared
 from stagectl.gap.inference.verdict import changed
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import Fields, FoundEffect, Value
@@ -24,7 +23,8 @@ def shifted(session: Session, shifts: Sequence[Shift], now: Fitted) -> list[Foun
     scale = common(shifts)
     if scale is not None:
         rest = [shift for shift in shifts if shift.sure and shift.name not in library.FORCE_SCALED]
-        return [_force_constant(session, scale), *(_shifted(session, shift, now) for shift in rest)]
+        surest = min(shift.probability for shift in shifts if shift.name in library.FORCE_SCALED)
+        return [_force_constant(session, scale, surest), *(_shifted(session, shift, now) for shift in rest)]
     sure = sorted((shift for shift in shifts if shift.sure), key=lambda shift: -shift.share)
     effects = [_shifted(session, shift, now) for shift in sure]
     # The part that they share may as well be the force constant's.
@@ -37,16 +37,16 @@ def shifted(session: Session, shifts: Sequence[Shift], now: Fitted) -> list[Foun
 
 def _same_sign(sure: Sequence[Shift]) -> bool:
     """Whether inertia, viscous and Coulomb friction have all shifted the same way."""
-    changes = [shift.change for shift in sure if shift.name in library.FORCE_SCALED]
+    changes = [shift.change for shift in of_force(sure)]
     return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
 
 
-def _force_constant(session: Session, shift: Shift) -> FoundEffect:
+def _force_constant(session: Session, shift: Shift, probability: float) -> FoundEffect:
     value = session.stage.motor.force_constant * (1.0 + shift.change)
     return FoundEffect(
         "force_constant",
         (*library.look_alikes("force_constant", Data.ALL), *library.FORCE_SCALED),
-        FORCE_CONSTANT_PROBABILITY,
+        probability,
         shift.share,
         {"change": shift.value},
         fields=(("motor.force_constant", value),),
@@ -59,8 +59,8 @@ def _shifted(session: Session, shift: Shift, now: Fitted) -> FoundEffect:
     change = Value(shift.change, shift.change - half, shift.change + half, "")
     return FoundEffect(
         shift.name,
-        _alternatives(session, shift.name),
-        1.0 / (1.0 + (SHIFT_HALF_CERTAIN * max(shift.deviation, 1e-6) / abs(shift.change)) ** 2),
+        tuple(dict.fromkeys((*shift.alike, *_alternatives(session, shift.name)))),
+        shift.probability,
         shift.share,
         {shift.name: shift.value, "change": change},
         block=library.EFFECTS[shift.name].block,
@@ -80,6 +80,8 @@ def _alternatives(session: Session, name: str) -> tuple[str, ...]:
 def _fields(session: Session, shift: Shift, now: Fitted) -> Fields:
     if shift.name in ("inertia", "viscous", "bias"):
         return ((f"mechanics.{shift.name}", shift.value.value),)
+    if shift.name == "dead_time":
+        return changed(session.stage, session.stage._replace(drive=now.model.stage.drive))
     if shift.name in ("coulomb", "presliding"):
         return changed(session.stage, session.stage._replace(friction=now.model.stage.friction))
     return ()

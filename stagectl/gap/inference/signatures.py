@@ -15,6 +15,7 @@ from scipy import fft
 
 from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.inference import thresholds
+from stagectl.gap.inference.saturation import plateau
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -48,12 +49,23 @@ class MissingCurrent(NamedTuple):
 
 def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> list[DriveSignature]:
     """The drive's effects on single commands; none where no current is measured along with the command."""
-    if not np.isfinite(e.runs[0].mean.rows[:, 2]).all() or not all(log.exact for run in e.runs for log in run.logs):
-        return []
-    runs = missing_currents(now.equipped, e)
-    logs = [log for run in runs for log in run]
-    candidates = (quantised(session.stage.drive.delay_samples, logs), jittered(runs))
+    candidates = [_saturated(session)]
+    if np.isfinite(e.runs[0].mean.rows[:, 2]).all() and all(log.exact for run in e.runs for log in run.logs):
+        runs = missing_currents(now.equipped, e)
+        logs = [log for run in runs for log in run]
+        candidates += [quantised(session.stage.drive.delay_samples, logs), jittered(runs)]
     return [signature for signature in candidates if signature and signature.effect.name not in excluded]
+
+
+def _saturated(session: Session) -> DriveSignature | None:
+    """A limit at which the current stays under larger commands."""
+    found = plateau(session)
+    if found is None:
+        return None
+    value = Value(found.current, found.current, found.current + found.spread, "A")
+    signature = _signature("current_saturation", "current_limit", value)
+    alternatives = ("torque_path",) if found.gain else ()
+    return signature._replace(effect=signature.effect._replace(alternatives=alternatives))
 
 
 def missing_currents(p: TrackedModel, e: Evidence) -> list[list[MissingCurrent]]:
@@ -93,6 +105,7 @@ def _signature(name: str, parameter: str, value: Value) -> DriveSignature:
     place, coordinate = {
         "current_quantisation": ("drive.current_quantum", "current"),
         "jitter": ("drive.jitter", "frequency"),
+        "current_saturation": ("drive.current_limit", "current"),
     }[name]
     effect = FoundEffect(
         name, (), thresholds.SIGNATURE_PROBABILITY, 0.0, {parameter: value}, "drive", ((place, value.value),),
@@ -108,7 +121,7 @@ def _line(logs: list[MissingCurrent], shift: int) -> tuple[float, float, float] 
     """
     command = np.concatenate([log.command[: len(log.command) - shift] for log in logs])
     current = np.concatenate([log.current[shift:] for log in logs])
-    current = current - np.polynomial.Polynomial.fit(command, current, 3)(command)
+    current = current - np.polynomial.Polynomial.fit(command, current, 3, full=True)[0](command)
     low, high = float(command.min()), float(command.max())
     smallest = max(thresholds.STEP_RANGE[0], (high - low) / thresholds.FINEST_STEP)
     width = smallest / thresholds.BINS_PER_STEP

@@ -6,28 +6,21 @@ derived.
 
 from __future__ import annotations
 
+from stagectl.gap.selection.constants import INCLUSION
+
 # -- verdict: names, alternatives, probabilities ---------------------------------------------------------------------
 
-ALTERNATIVE_GAIN = 0.9  # of an effect's own gain; chosen. From here on another effect is listed as an alternative.
-RIVAL_SHARPNESS = 8.0  # exponent; chosen. How fast a rival's weight falls with its relative gain.
-DOUBT_STEEPNESS = 1.5  # exponent; chosen. How fast doubt falls as the gain rises beyond its detection limit.
-LEAST_AGAINST_RIVALS = 0.55  # probability; chosen. An effect that the search took is never less likely than this.
-STABLE_INCLUSION = 0.8  # share of resamples; chosen. Below, the probability falls in proportion.
-FAINT_SHARE = 0.25  # of the unexplained; chosen. An effect with a smaller gain may be a part of the unexplained.
-FAINT_SHARE_OF_DELAY = 0.01  # of the unexplained; chosen. The same for a delay of the drive that lies at its bound.
-# Standard deviations; chosen. A nonlinearity of the time shift imitates a delay, and a shift by a fraction of a sample
-# imitates a slower current loop: both must be surer than other effects.
-DELAY_SIGMA = {"dead_time": 10.0, "current_loop": 40.0}
 DEAD_TIME_PER_JITTER = 4.0  # ratio; chosen. A shorter mean delay is part of the jitter and no dead time.
-FORCE_CONSTANT_PROBABILITY = 0.9  # chosen. Of the force constant, where a common scale of J, D and T_c is found.
-SHIFT_HALF_CERTAIN = 4.0  # standard deviations; chosen. A shift as large as this has the probability 1/2.
 
 # -- parameter errors ------------------------------------------------------------------------------------------------
 
-SHIFT_SIGMA = 4.0  # standard deviations; chosen. A smaller shift is not reported as sure.
 SHIFT_SHARE = 0.005  # of the closable misfit before the refit; chosen. A shift that returns less is immaterial.
 # Relative; of the bias to the friction, of the time shift to the period; chosen. A smaller shift does not matter.
-SHIFT_LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02, "time_shift": 0.1}
+SHIFT_LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02}
+SHIFT_LEAST |= {"time_shift": 0.1, "dead_time": 0.1}  # control periods
+# Prior odds of a change: a value of a model is as often off as not; that a log or drive is late, as of any effect.
+SHIFT_ODDS = dict.fromkeys(("inertia", "viscous", "coulomb", "presliding", "bias"), 1.0)
+SHIFT_ODDS |= dict.fromkeys(("time_shift", "dead_time"), INCLUSION)
 FRICTIONLESS = 0.01  # of the larger Coulomb friction, nominal or fitted; chosen. Below, its length has no meaning.
 PRESLIDING_ERROR = 0.03  # of the length; chosen. Its standard deviation, which the half strokes do not give.
 COMMON_SPREAD = 0.006  # of log J, log D, log T_c; chosen. Within it their shifts are one common scale.
@@ -44,6 +37,7 @@ ENSEMBLE_QUANTILE = 0.95  # of the null ensemble's gains; chosen. A shape must g
 NEARLY_BEST_SHAPE = 0.9  # of the largest gain; chosen. Among such shapes one that the stage model can hold is taken.
 TABLE_ROWS = 241  # of the data-based term; chosen. Resolution of its table.
 
+OF_KIN = 0.25  # of an effect's gain; chosen. What the error of its form may leave over the same coordinate.
 BAND_STEP = 0.5  # octaves; chosen. Width of one band of the residual's spectrum.
 BAND_COUNT = 3  # bands; chosen. A resonance is looked for in this many neighbouring ones.
 BAND_SHARE = 0.5  # of the residual; chosen. They must hold this much of it.
@@ -96,3 +90,7 @@ SETTLING_ROWS = 8  # chosen. Rows until the drive model's delay line is filled.
 JITTER_SIGMA = 8.0  # standard deviations; chosen. A jitter must be as sure as that.
 JITTER_SHARE = 0.02  # of the current's noise variance; chosen. A jitter must make as much of it.
 SIGNATURE_PROBABILITY = 0.98  # chosen. Of a signature that has passed these tests.
+
+# -- a limit of the current, seen in the logs --------------------------------------------------------------------------
+AT_LIMIT, BEYOND_LIMIT = 0.8, 1.05  # of the largest current: a current at its limit, and a command beyond it
+LIMIT_AGAINST_GAIN = 0.5  # of the sum of squares that a factor on the command leaves: chosen

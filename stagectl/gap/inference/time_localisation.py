@@ -1,7 +1,4 @@
-"""Where the gap lies: in which block of the loop, and when in each log.
-
-`coordinates` finds the coordinate in which it lies.
-"""
+"""When the gap is open in each log, and how much of it is left."""
 
 from __future__ import annotations
 
@@ -11,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.inference import parameter_errors, thresholds
 from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.inference.tracker_response import untracked
@@ -20,32 +16,13 @@ from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import KEPT
-from stagectl.gap.result.diagnosis import BLOCKS, FoundEffect, Spans
-from stagectl.gap.selection import refine
+from stagectl.gap.result.diagnosis import FoundEffect, Spans
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import plant_with_effects
 from stagectl.parallel import in_parallel
 
 Flags = NDArray[np.bool_]
-
-
-def blocks(e: Evidence, now: Fitted, parity: CommandCheck) -> dict[str, float | None]:
-    """Share of the excess over the repeats' floor that each of `BLOCKS` holds; None where its cut was impossible.
-
-    Drive and mechanics are the two cuts' own excess before anything was refitted.  The sensor holds what the misfit of
-    the mechanics grows by without the effects of the encoder.  A controller that is not the deployed one holds all:
-    every other figure would rest on it.
-    """
-    measured = bool(np.isfinite(e.runs[0].mean.rows[:, 2]).all())
-    mechanics, drive = (max(float(squares), 0.0) for squares in excess(e, e.base.before))
-    sensor = min(_excess_of_sensor(e, now), mechanics)
-    shares = {"controller": 0.0, "drive": drive, "mechanics": mechanics - sensor, "sensor": sensor}
-    if not parity.agrees:
-        shares = {**dict.fromkeys(BLOCKS, 0.0), "controller": 1.0}
-    impossible = {"controller": not parity.checked, "drive": not measured}
-    whole = sum(share for name, share in shares.items() if not impossible.get(name))
-    return {name: None if impossible.get(name) else share / whole if whole else 0.0 for name, share in shares.items()}
 
 
 def excess(e: Evidence, residuals: Sequence[list[Array]]) -> Array:
@@ -57,14 +34,6 @@ def excess(e: Evidence, residuals: Sequence[list[Array]]) -> Array:
             weighted = run.weight[:, None] * np.stack([residual, deviation])
             total += np.sum(weighted[0] ** 2, axis=0) - scale * np.sum(weighted[1] ** 2, axis=0)
     return total
-
-
-def _excess_of_sensor(e: Evidence, now: Fitted) -> float:
-    others = [effect for effect in now.effects if effect.effect.block != "sensor"]
-    if len(others) == len(now.effects):
-        return 0.0
-    residuals = refine.residuals(e, now.model, others)
-    return max(float(excess(e, residuals)[0] - excess(e, now.residuals)[0]), 0.0)
 
 
 class Contributor(NamedTuple):

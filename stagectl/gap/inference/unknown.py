@@ -15,14 +15,15 @@ from stagectl.gap.inference import basis_functions, shape_fits, unstructured_res
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import means
 from stagectl.gap.inference.shape_fits import ShapeFit, best_of, floor_of, least_gain, repeats_of, shape_of
-from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS
+from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS, OF_KIN
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products
+from stagectl.gap.residuals.partialled_out import folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
-from stagectl.gap.selection import candidate_scores, null_ensemble, refine, swap_tests
-from stagectl.gap.selection.cross_validation import folds, partialled_out
+from stagectl.gap.selection import null_ensemble, refine
+from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.thresholds import OF_KIN
+from stagectl.gap.selection.select import Selection
 
 KINDRED = {"position": "position_mod_pitch", "position_mod_pitch": "position"}  # an error of form shows in both
 
@@ -35,7 +36,7 @@ class Explained(NamedTuple):
     gain: float  # of the sum of squares
 
 
-def functions(e: Evidence, size: Scales, library: candidate_scores.Library) -> BasisColumns:
+def functions(e: Evidence, size: Scales, library: Library) -> BasisColumns:
     """Functions of single coordinates along the runs, together with the base and the null ensemble."""
     names = [*e.base.products.names, *null_ensemble.member_names(library.products.names)]
     filtering = basis_functions.ResidualFilter(e.base.model, e.base.noise)
@@ -52,7 +53,7 @@ def largest(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
     return max((fit.gain * repeats_of(e) for fit in fits if fit.clear(least)), default=0.0)
 
 
-def unknown(e: Evidence, selected: swap_tests.Selection, smooth: BasisColumns) -> UnknownTerm | None:
+def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTerm | None:
     """The shape of the residual of `selected`, over the coordinate that orders it best; None where it has none.
 
     Noise has no order either: what was not repeated cannot be separated from it, so only a coordinate counts.
@@ -75,7 +76,7 @@ def unknown(e: Evidence, selected: swap_tests.Selection, smooth: BasisColumns) -
 
 
 def _ordered(
-    e: Evidence, selected: swap_tests.Selection, columns: tuple[Products, Columns], smooth: BasisColumns
+    e: Evidence, selected: Selection, columns: tuple[Products, Columns], smooth: BasisColumns
 ) -> UnknownTerm | None:
     """The residual effort as a function of one coordinate, or of one coordinate and the acceleration there.
 
@@ -103,7 +104,7 @@ def _form_error(coordinate: str, explained: Sequence[Explained]) -> float:
     return max((OF_KIN * part.gain for part in explained if part.coordinate in kindred), default=0.0)
 
 
-def _explained(e: Evidence, selected: swap_tests.Selection) -> list[Explained]:
+def _explained(e: Evidence, selected: Selection) -> list[Explained]:
     gains, repeats = selected.gains, repeats_of(e)
     return [
         Explained(part.effect.block, part.effect.coordinate, gains[part.effect.name] / repeats)
@@ -124,7 +125,7 @@ def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, 
 
 def _worst_law(e: Evidence, g: Grams) -> float:
     """Largest sum of squares that the base leaves on a machine of the null ensemble."""
-    free = partialled_out(folds(g, g.effort), g.places(candidate_scores.nuisances(e)))
+    free = partialled_out(folds(g, g.effort), g.places(refine.moving(e)))
     return max(
         (float(free[:, place, place].sum()) for place in g.places(null_ensemble.member_names(g.names))), default=0.0
     )

@@ -17,10 +17,10 @@ from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products
+from stagectl.gap.residuals.partialled_out import folds, partialled_out
 from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
-from stagectl.gap.selection.cross_validation import folds, partialled_out
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 BANDS = "frequency"

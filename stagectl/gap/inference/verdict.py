@@ -10,29 +10,23 @@ from stagectl.gap.effects.effect import Amplitude, Data, Definition, Shape
 from stagectl.gap.inference import patch_fields, thresholds
 from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.residuals import friction_family, gram_matrices
-from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.residuals import friction_family
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.candidates import EffectValues, equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.swap_tests import Selection
+from stagectl.gap.selection.select import Selection
 from stagectl.kernels.stage import Stage
-
-DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects of the drive that delay, and their parameter
 
 
 def named_effects(
-    session: Session, selected: Selection, deviation: Mapping[str, float], by_experiment: bool
+    session: Session, e: Evidence, selected: Selection, deviation: Mapping[str, float]
 ) -> list[FoundEffect]:
-    """The effects of the search, those with the largest gains first.
+    """The effects that were selected, those with the largest gains first.
 
-    `deviation` holds the standard deviations of all parameters.  With `by_experiment` what one experiment shows clearly
-    counts, whatever is unexplained in the others.  It does where only the form of friction is left; where there is an
-    unknown, an effect may be a part of it.
+    `deviation` holds the standard deviations of all parameters.
     """
-    now = selected.fitted
-    effects = [_effect(session, selected, fitted, deviation, by_experiment) for fitted in now.effects]
+    effects = [_effect(session, e, selected, fitted, deviation) for fitted in selected.fitted.effects]
     ranked = sorted(effects, key=lambda effect: -selected.gains[effect.name])
     return [part for effect in ranked for part in _split(effect)]
 
@@ -66,70 +60,37 @@ def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[DriveSi
     return [*kept, *(signature.effect for signature in signatures)]
 
 
-def deviations(e: Evidence, now: Fitted, g: Grams) -> dict[str, float]:
-    """Standard deviations of all parameters, an effect's as ``effect.parameter``; `g` holds their columns."""
-    return gram_matrices.standard_deviations(
-        g, [*refine.nuisances(e), *(direction.name for direction in refine.parameters(now))]
-    )
-
-
 def _effect(
-    session: Session, selected: Selection, fitted: EffectValues, deviation: Mapping[str, float], by_experiment: bool
+    session: Session, e: Evidence, selected: Selection, fitted: EffectValues, deviation: Mapping[str, float]
 ) -> FoundEffect:
     name, now = fitted.effect.name, selected.fitted
-    rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
     rest = [other for other in now.effects if other is not fitted]
     return FoundEffect(
         name=name,
-        alternatives=_alternatives(name, rivals),
-        probability=min(selected.inclusion[name] / thresholds.STABLE_INCLUSION, 1.0)
-        * clarity(selected, fitted, deviation, by_experiment)
-        * probability(selected.clarity[name].doubt, rivals, name),
+        alternatives=_alternatives(name, selected),
+        probability=selected.probability[name],
         share=0.0,
         parameters=parameters(fitted, deviation, session.kind),
         block=fitted.effect.block,
         fields=changed(equipped(now.model, rest).stage, now.equipped.stage),
         coordinate=fitted.effect.coordinate,
+        choices=tuple((other, _fields(fit)) for other, fit in _rivals(e, selected, name).items()),
     )
 
 
-def _alternatives(name: str, rivals: Mapping[str, float]) -> tuple[str, ...]:
-    """What no data can distinguish first, then what explains these data nearly as well."""
+def _fields(fit: Fitted) -> Fields:
+    """What the last effect of a fit changes."""
+    return changed(equipped(fit.model, fit.effects[:-1]).stage, fit.equipped.stage)
+
+
+def _alternatives(name: str, selected: Selection) -> tuple[str, ...]:
+    """What no data can distinguish first, then what the evidence finds comparable, the likeliest first."""
     exact = library.look_alikes(name, Data.ALL)
-    close = [
-        other
-        for other, share in sorted(rivals.items(), key=lambda pair: -pair[1])
-        if share >= thresholds.ALTERNATIVE_GAIN and other not in library.generalisations(name)
-    ]
-    return tuple(dict.fromkeys([*exact, *close, *library.look_alikes(name, Data.ONE_SPEED)]))
-
-
-def clarity(selected: Selection, fitted: EffectValues, deviation: Mapping[str, float], by_experiment: bool) -> float:
-    """Factor below 1 where so much of the mechanics stays unexplained that the effect may be a part of it.
-
-    Of the drive's effects that concerns the delays alone: a nonlinearity of the base's time shift imitates one.
-    """
-    name = fitted.effect.name
-    if fitted.effect.block == "drive" and name not in DELAYS:
-        return 1.0
-    width = deviation[f"{name}.{DELAYS[name]}"] if name in DELAYS else 0.0
-    if width > 0.0:
-        return min(abs(fitted.values[DELAYS[name]]) / (thresholds.DELAY_SIGMA[name] * width), 1.0)
-    share = selected.gains[name] / max(selected.unexplained, 1e-300)
-    if name in DELAYS:
-        return min(share / thresholds.FAINT_SHARE_OF_DELAY, 1.0)
-    return min(max(share, selected.clarity[name].share if by_experiment else 0.0) / thresholds.FAINT_SHARE, 1.0)
-
-
-def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:
-    """That this effect is there, and that it is this one and none of its alternatives (gains relative to its own).
-
-    The search takes the best, so that it keeps at least an even chance against them all.
-    """
-    there: float = 1.0 - 0.5 * min(doubt, 1.0) ** thresholds.DOUBT_STEEPNESS
-    wider = library.generalisations(name)  # what holds this effect as a special case is no rival to it
-    weights = (min(share, 1.0) ** thresholds.RIVAL_SHARPNESS for other, share in rivals.items() if other not in wider)
-    return float(there * max(1.0 / (1.0 + sum(weights)), thresholds.LEAST_AGAINST_RIVALS))
+    present = {fitted.effect.name for fitted in selected.fitted.effects}
+    comparable = [other for other in selected.alternatives[name] if other in selected.rivals[name]]
+    alike = [*comparable, *library.look_alikes(name, Data.ONE_SPEED)]
+    barred = {*library.generalisations(name), *present}
+    return tuple(dict.fromkeys([*exact, *(other for other in alike if other not in barred)]))
 
 
 def changed(before: Stage, after: Stage) -> Fields:
@@ -165,8 +126,13 @@ def _units(effect: Definition, kind: str) -> dict[str, str]:
 
 def rivals(e: Evidence, selected: Selection, effect: FoundEffect) -> dict[str, Stage]:
     """Models with an alternative in the place of `effect`, each refined to explain the same data."""
+    return {name: fit.equipped.stage for name, fit in _rivals(e, selected, effect.name).items()}
+
+
+def _rivals(e: Evidence, selected: Selection, name: str) -> dict[str, Fitted]:
+    """The same as fits; the alternative is their last effect."""
     now = selected.fitted
-    rest = [other for other in now.effects if other.effect.name != effect.name]
-    tried = selected.rivals.get(effect.name, {})
-    names = [name for name in effect.alternatives if name in tried]
-    return {name: refine.refine(e, now.model, [*rest, tried[name]], 2).equipped.stage for name in names}
+    rest = [other for other in now.effects if other.effect.name != name]
+    present = {other.effect.name for other in rest}
+    tried = {other: valued for other, valued in selected.rivals.get(name, {}).items() if other not in present}
+    return {other: refine.refine(e, now.model, [*rest, valued], 2) for other, valued in tried.items()}

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from stagectl.compensation import model_effects
@@ -17,7 +18,7 @@ from stagectl.compensation.forms import FORMS, recorded
 from stagectl.compensation.legs import legs
 from stagectl.gap.logs import nominal_model
 from stagectl.gap.logs.grid import LoggedReference
-from stagectl.gap.logs.nominal_values import Block, block, quantity
+from stagectl.gap.logs.nominal_values import Block, quantity
 from stagectl.gap.logs.session import Array
 from stagectl.kernels import cascade, feedback, feedforward, friction, friction_bristle, law, observer, stage
 from stagectl.kernels.law import SETPOINT_COLUMNS
@@ -30,6 +31,7 @@ _SHARE = Quantity("", "[0, 1)", "share of the last value that the force filter k
 _POLE = Quantity("rad/s", "(0, 1e9]", "pole of the derivative's filter")
 _PERIOD = Quantity("s", "[1e-6, 1]", "control period")
 _ADVANCE = Quantity("s", "[-1, 1]", "time by which it looks ahead")
+_BAND = Quantity("rad | m", "[0, 1]", "error that is left alone while the reference stands still")
 _LIMIT = Quantity("A", "(0, inf]", "largest command")
 _SPAN = Quantity("", "[1, 2]", "periods over which the velocity is differenced")
 _KEYS = (
@@ -37,7 +39,7 @@ _KEYS = (
     "velocity_feedforward span kp kv observer observer_model observer_gains model_inertia model_viscous "
     "model_force_constant feedforward friction_compensation friction_bristle friction_weight friction_slip "
     "effect_feedforward feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples "
-    "reference_interpolation states_at_first_row anti_windup command_limit_A"
+    "reference_interpolation states_at_first_row anti_windup command_limit_A standstill_band"
 )
 
 
@@ -60,7 +62,7 @@ def read(file: Block) -> DeployedController | None:
 
     Raises NominalValueError where a value is missing or outside its range.
     """
-    c = block(file.values, "controller", file, "controller")
+    c = file.block("controller")
     if not c.values:
         return None
     c.ignore_others(_KEYS.split())
@@ -91,14 +93,14 @@ def read(file: Block) -> DeployedController | None:
 
 def _law(c: Block, dt: float) -> law.Law:
     limit = _limit(c)
-    observed = _observer(c)
+    observed, band = _observer(c), c.number("standstill_band", _BAND, 0.0)
     if c.has("Kp"):
-        return law.Law(_pid(c, dt), limit, observer=observed)
+        return law.Law(_pid(c, dt), limit, observer=observed, standstill_band=band)
     if c.has("position_gain"):
         own = _cascade(c, dt)
     else:  # the EMPS benchmark: velocity by differences of averaged positions, two proportional gains
         own = cascade.Cascade(c.number("kp", _POSITIVE), c.number("kv", _POSITIVE), span=2, dt=dt)
-    return law.Law(feedback.ABSENT, limit, own, True, observed)
+    return law.Law(feedback.ABSENT, limit, own, True, observed, band)
 
 
 def _limit(c: Block) -> float:
@@ -201,6 +203,7 @@ def setpoints_of(p: DeployedController, reference: LoggedReference, rows: int, i
     t: Array = p.dt * np.arange(count + 2, dtype=np.float64)
     ahead = at(t[:-2] + p.friction_advance)
     tracked, late = (np.ascontiguousarray(at(times)[:, :2]) for times in (t + p.advance, t - p.late * p.dt))
+    late[_standing(np.interp(t - p.late * p.dt, reference.time, reference.value)), 1] = 0.0
     seen = feedforward.Foreseen(at(t[:-2])[:, 0].copy(), tracked, late, ahead[:, 0].copy())
     stops = friction.relaxed(p.feedforward.friction)
     setpoints = setpoint_rows(p.feedforward, seen, stops, _further_friction(p, seen, ahead))[:rows]
@@ -209,6 +212,16 @@ def setpoints_of(p: DeployedController, reference: LoggedReference, rows: int, i
     if injection is not None:
         setpoints[:, SETPOINT_COLUMNS["injection"]] = injection
     return setpoints
+
+
+def _standing(logged: Array) -> NDArray[np.bool_]:
+    """Rows from which on the reference stays for two periods; at a crest it does for one.
+
+    The spline's velocity is only nearly 0 there, and the law asks whether it is.
+    """
+    moved: NDArray[np.bool_] = np.diff(logged, append=[logged[-1]] * 2) != 0.0
+    standing: NDArray[np.bool_] = ~(moved[:-1] | moved[1:])
+    return standing
 
 
 def _curve(reference: LoggedReference) -> Callable[[Array], Array]:

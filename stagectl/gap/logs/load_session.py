@@ -16,29 +16,36 @@ from pathlib import Path
 import numpy as np
 
 from stagectl.config.stage_file import Setup
-from stagectl.gap.logs import deployed_controller, row_validity
+from stagectl.gap.logs import deployed_controller, nominal_model, row_validity
 from stagectl.gap.logs.grid import GriddedLog, on_control_periods
 from stagectl.gap.logs.missing_records import undetermined
 from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
 from stagectl.gap.logs.repeats import Repeat, reconciled
 from stagectl.gap.logs.session import Array, Log, LogError, Session
-from stagectl.gap.logs.sources import RawLog, read_logs
-from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD
+from stagectl.gap.logs.sources import Description, RawLog, read_logs
+from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD, SLIP_OF_TRAVEL, SLIP_STEPS
+from stagectl.kernels import friction
+from stagectl.kernels.stage import Drive, Stage
 from stagectl.number_format import duration
 from stagectl.parallel import in_parallel
 from stagectl.recording.columns import WITHOUT
 
+NOTHING_SAID = Description()
 
-def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
+
+def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = NOTHING_SAID) -> Session:
     """The session in a folder of captures, in recordings of ours, or in single logs; `stage` is their machine.
+
+    `said` describes single logs that do not say what their columns are, or which machine they are of.
 
     Raises LogError where the logs do not belong together, NominalValueError where a value of the nominal model cannot
     be used, RecordingError where a file cannot be read.
     """
-    raw = read_logs(paths, stage)
+    raw = read_logs(paths, stage, said)
     machine = nominal_setup(raw, stage)
     dt, period_notes = (machine.dt, []) if machine.dt else _period(raw)
     repeats, repeat_notes = reconciled([Repeat(log, _gridded(log, dt)) for log in raw])
+    machine = machine._replace(stage=_as_logged(machine.stage, repeats))
     known = _known_setpoints(repeats, machine)
     finished = [_finished(repeat, rows, machine, dt) for repeat, rows in zip(repeats, known, strict=True)]
     notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
@@ -53,10 +60,30 @@ def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
         stage=machine.stage,
         law=machine.law,
         logs=tuple(log for log, _ in finished),
-        notes=(*machine.notes, *period_notes, *repeat_notes, *gathered(notes, len(finished))),
+        notes=(*said.notes, *machine.notes, *period_notes, *repeat_notes, *gathered(notes, len(finished))),
         nominal=machine.nominal,
     )
     return session._replace(cannot_tell=undetermined(session, [repeat.log.start is not None for repeat in repeats]))
+
+
+def _as_logged(p: Stage, repeats: Sequence[Repeat]) -> Stage:
+    """`p` as far as the logs go: a current that is logged without a command has been through the drive already."""
+    columns = [repeat.grid.columns for repeat in repeats]
+    if all("current" in logged and "command" not in logged for logged in columns):
+        p = p._replace(drive=Drive(0.0, 0, math.inf, 0.0))
+    return _with_zone(p, repeats)
+
+
+def _with_zone(p: Stage, repeats: Sequence[Repeat]) -> Stage:
+    """`p`; where it does not say how far its friction moves before it slips, a share of the travel that was logged."""
+    if p.friction is not nominal_model.FREE:
+        return p
+    travel = max(
+        float(np.nanmax(repeat.grid.columns["position"]) - np.nanmin(repeat.grid.columns["position"]))
+        for repeat in repeats
+    )
+    slip = max(SLIP_OF_TRAVEL * travel, SLIP_STEPS * p.encoder.step)
+    return p._replace(friction=p.friction._replace(operators=friction.bundle([0.0], [slip or 1.0])))
 
 
 def gathered(notes: Iterable[tuple[str, str]], count: int) -> list[str]:

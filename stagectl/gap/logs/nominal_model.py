@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 
-from stagectl.gap.logs.nominal_values import Block, block, quantity
+from stagectl.gap.logs.nominal_values import Block, quantity
 from stagectl.gap.logs.session import NominalValueError
 from stagectl.gap.logs.thresholds import NOTED_SUM, WRONG_SUM
 from stagectl.kernels import friction, friction_bristle, stage
 from stagectl.kernels.effects import Harmonic
 from stagectl.units import LINEAR, Quantity
 
+# The friction of a model that gives none: nothing rubs, and how far it moves before it slips is not known.
+FREE = stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck())
 _STOPS = ("stop-operator", "maxwell-slip", "gms")
 _LAWS = (*_STOPS, "dahl", "lugre", "none")
 _KEYS = {
@@ -27,12 +29,12 @@ def read(file: Block) -> stage.Stage:
 
     Raises NominalValueError where a value is missing, not physical or contradicts another.
     """
-    body, rubbing, drive = (block(file.values, name, file, name) for name in ("stage", "friction", "drive"))
+    body, rubbing, drive = (file.block(name) for name in ("stage", "friction", "drive"))
     for part in (body, rubbing, drive):
         part.ignore_others(_KEYS[part.name].split())
     _check_units(body)
     return stage.Stage(
-        _drive(drive),
+        _drive(drive, 1 if file.block("controller").has("Ts") else 0),
         stage.Motor(body.number("force_constant", quantity(stage.Motor, "force_constant"))),
         _mechanics(body),
         _friction(rubbing),
@@ -57,13 +59,15 @@ def _mechanics(body: Block) -> stage.Mechanics:
     )
 
 
-def _drive(drive: Block) -> stage.Drive:
+def _drive(drive: Block, late: int) -> stage.Drive:
+    """`late`: control periods of delay where the file gives none; without a controller no period is known."""
+
     def number(key: str, field: str, default: float | None = None) -> float:
         return drive.number(key, quantity(stage.Drive, field), default)
 
     p = stage.Drive(
         number("current_quantum_A", "current_quantum") if drive.has("current_quantum_A") else 0.0,
-        drive.whole("delay_samples", quantity(stage.Drive, "delay_samples"), 1),
+        drive.whole("delay_samples", quantity(stage.Drive, "delay_samples"), late),
         number("current_limit_A", "current_limit", math.inf),
         number("current_loop_s", "current_lag", 0.0),
     )
@@ -85,7 +89,7 @@ def _encoder(body: Block, late: int) -> stage.Encoder:
 
 def _late(file: Block) -> int:
     """Periods by which the controller sees the position late, from the description of the controller."""
-    controller = block(file.values, "controller", file, "controller")
+    controller = file.block("controller")
     late = quantity(stage.Encoder, "delay_samples")
     return controller.whole("measurement_delay_samples", late) if controller.has("measurement_delay_samples") else 0
 
@@ -93,10 +97,10 @@ def _late(file: Block) -> int:
 def _friction(rubbing: Block) -> stage.Friction:
     if not rubbing.values:
         rubbing.notes.append("nominal.yaml has no friction: the model's axis slides freely")
-        return stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck())
+        return FREE
     law = rubbing.word("law", _LAWS, _STOPS[0])
     if law == "none":
-        return stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck())
+        return FREE
     curve = stribeck(rubbing.block("stribeck"))
     if law in _STOPS:
         return stage.Friction(operators(rubbing, "weight", "slip"), curve)

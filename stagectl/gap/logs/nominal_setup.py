@@ -16,8 +16,8 @@ from stagectl.recording.metadata import read_law
 from stagectl.recording.nominal_yaml import carried_stage, nominal_of
 
 _MODEL = (
-    "the folder's nominal.yaml or --stage must give the machine's model: at least stage.kind, stage.force_constant and "
-    "stage.inertia"
+    "nominal.yaml next to it, --stage or --model must give it: at least kind, force_constant and inertia, such as "
+    "--model kind=rotary,force_constant=0.05,inertia=1e-4 (N m/A, kg m^2)"
 )
 
 
@@ -98,7 +98,7 @@ def _of_others(logs: list[RawLog], axis: dict[str, Any], setup: Setup | None) ->
     running = deployed_controller.read(file)
     if setup is None:
         if not values.get("stage"):
-            raise LogError("model", (logs[0].name,), f"{logs[0].name} comes without a model; {_MODEL}")
+            raise LogError("model", (logs[0].name,), f"{logs[0].name} comes without a model of its machine; {_MODEL}")
         model = nominal_model.read(file)
     else:
         model = setup.stage

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from stagectl.gap.logs.session import NominalValueError
+from stagectl.problem import below
 from stagectl.units import LINEAR, ROTARY, Quantity, quantity_of
 
 
@@ -67,8 +68,14 @@ class Block(NamedTuple):
         return word
 
     def block(self, key: str) -> Block:
-        """The block within this one; empty where there is none."""
-        return block(self.values, key, self, f"{self.name}.{key}")
+        """The block within this one; empty where there is none.
+
+        Raises NominalValueError where the key holds something else.
+        """
+        name, inner = below(self.name, key), self.values.get(key)
+        if inner is not None and not isinstance(inner, dict):
+            raise NominalValueError(self.place, name, inner, "must be a block of `key: value`")
+        return self._replace(name=name, values=inner or {})
 
     def ignore_others(self, known: Iterable[str]) -> None:
         """Note all keys that are not `known`, each with the nearest known one."""
@@ -96,17 +103,6 @@ class Block(NamedTuple):
     def _admissible(self, quantity: Quantity) -> str:
         unit = quantity.unit_for(self.kind)
         return f" in {quantity.interval}{' ' + unit if unit else ''}: {quantity.meaning}"
-
-
-def block(values: dict[str, Any], key: str, parent: Block, name: str) -> Block:
-    """The block `key` of `values`.
-
-    Raises NominalValueError where the key holds something else.
-    """
-    inner = values.get(key)
-    if inner is not None and not isinstance(inner, dict):
-        raise NominalValueError(parent.place, name, inner, "must be a block of `key: value`")
-    return parent._replace(name=name, values=inner or {})
 
 
 def of_file(nominal: dict[str, Any], place: Path, kind: str) -> Block:

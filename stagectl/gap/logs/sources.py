@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from stagectl.gap.logs.session import Array, LogError
 from stagectl.kernels.law import Setpoint
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.recording.scales import read_values, scales_of_nominal
 from stagectl.units import StageError
 
 COLUMNS = {
@@ -46,12 +48,21 @@ class RawLog(NamedTuple):
         return "law" in self.recording.meta
 
 
-def read_logs(paths: Sequence[Path], setup: Setup | None) -> list[RawLog]:
+class Description(NamedTuple):
+    """What a user says of logs that do not say it themselves."""
+
+    columns: Mapping[str, str] | None = None  # of a log: see `recording.columns.choices`
+    stage: Mapping[str, Any] | None = None  # the block `stage` of a nominal.yaml
+    blocks: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # its others
+    notes: tuple[str, ...] = ()  # on them
+
+
+def read_logs(paths: Sequence[Path], setup: Setup | None, said: Description) -> list[RawLog]:
     """All logs of `paths`: folders of captures or of our recordings, recordings, CSV and MAT files.
 
     Raises LogError or RecordingError with the path and the reason.
     """
-    recordings = [recording for path in paths for recording in _opened(path, setup)]
+    recordings = [recording for path in paths for recording in _opened(path, setup, said)]
     if not recordings:
         raise LogError("none", (), "no log was given; give a folder of captures, recordings, or a log")
     logs = [_log(recording) for recording in recordings]
@@ -62,7 +73,7 @@ def read_logs(paths: Sequence[Path], setup: Setup | None) -> list[RawLog]:
     return _on_one_clock(logs)
 
 
-def _opened(path: Path, setup: Setup | None) -> list[Recording]:
+def _opened(path: Path, setup: Setup | None, said: Description) -> list[Recording]:
     if path.is_dir() and not (path / "captures.yaml").is_file():
         inside = sorted(path.glob("*.h5"))
         if not inside:
@@ -73,7 +84,14 @@ def _opened(path: Path, setup: Setup | None) -> list[Recording]:
         return [open_recording(path)]
     from stagectl.recording.imports import read  # with pyarrow, which our own recordings do not need
 
-    return read(path, setup)
+    beside = path.parent / "nominal.yaml"
+    nominal = (
+        {"stage": dict(said.stage), **said.blocks} if said.stage else read_values(beside) if beside.is_file() else {}
+    )
+    recordings = read(path, setup, said.columns, scales_of_nominal(nominal, beside) if nominal else None)
+    for recording in recordings if nominal and path.is_file() else ():
+        recording.meta["nominal"] = {**recording.meta.get("nominal", {}), **nominal}
+    return recordings
 
 
 def _log(recording: Recording) -> RawLog:
@@ -87,6 +105,7 @@ def _log(recording: Recording) -> RawLog:
     if known:
         columns["injection"] = columns["injection"] + recording.column("learned")
     setpoints = np.stack([recording.column(name) for name in Setpoint._fields], axis=1) if known else None
+    _put_in_place(recording, columns, setpoints)
     time = recording.column("time")
     return RawLog(
         recording,
@@ -99,6 +118,18 @@ def _log(recording: Recording) -> RawLog:
         columns,
         setpoints,
     )
+
+
+def _put_in_place(recording: Recording, columns: dict[str, Array], setpoints: Array | None) -> None:
+    """Positions as the drive counts them: those of a run count from its start, and cogging does not."""
+    origin = recording.meta.get("origin", 0.0)
+    if not np.isfinite(origin) or origin == 0.0:
+        return
+    for name in ("position", "reference"):
+        if name in columns:
+            columns[name] = columns[name] + origin
+    if setpoints is not None:
+        setpoints[:, [Setpoint._fields.index(name) for name in ("reference", "target")]] += origin
 
 
 def _refused(recording: Recording, key: str, value: Any, rule: str) -> LogError:

@@ -18,13 +18,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student_t
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import least_squares, run_products
 from stagectl.gap.residuals.half_strokes import Run, spans
 from stagectl.gap.residuals.run_products import RunProducts
+from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
 from stagectl.parallel import in_parallel
 
+NORMAL = 1.96  # standard deviations that 95 % of a normal distribution lie within
 FOLDS = (0, 2)  # numbers of half strokes that stand for a whole fold: `first_fold` sorts them like its members
 
 
@@ -127,21 +130,43 @@ def bounded_step(g: Grams, names: Sequence[str], low: Array, high: Array) -> dic
     return dict(zip(names, step.tolist(), strict=True))
 
 
-def clustered_covariance(g: Grams, names: Sequence[str]) -> Array:
-    """Covariance (k, k) of the least-squares amplitudes of `names`, robust against correlation within half strokes.
+def tempered(g: Grams, effort: float, current: float) -> Grams:
+    """`g` with the cuts counting with these powers of their likelihood."""
+    return g._replace(effort=effort * g.effort, current=current * g.current)
 
-    The residual is not white, so it is the sandwich whose clusters are the half strokes (K.-Y. Liang, S. L. Zeger,
-    Biometrika 73(1), 1986).
+
+def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Array) -> Array:
+    """Mean square error (k, k) of a fit from which amplitudes of `names` lead to what the data and a prior say.
+
+    The prior lies at `mean` (k,) with the `precision` (k,): a direction that the data do not excite keeps its width.
+    What a model leaves is wrong alike in all half strokes of an experiment, so whole experiments are left out in turn
+    (the jackknife, with Student's factor of 95 % for their number).  The fit knows nothing of some of the columns, so
+    that how far it is from the most probable amplitudes belongs to its error.  Source: B. Efron, The Jackknife, the
+    Bootstrap and Other Resampling Plans, 1982.
     """
-    places, summed = g.places(names), g.both.sum(axis=0)
-    inverse = least_squares.inverse(summed[np.ix_(places, places)])
-    best = inverse @ summed[places, -1]
-    scores = np.array([stroke[places, -1] - stroke[np.ix_(places, places)] @ best for stroke in g.both])
-    covariance: Array = inverse @ (scores.T @ scores) @ inverse
-    return covariance
+    places, prior = g.places(names), np.diag(precision)
+    parts = _blocks(g)
+    whole = parts.sum(axis=0)
+
+    def amplitudes(summed: Array) -> Array:
+        best: Array = least_squares.inverse(summed[np.ix_(places, places)] + prior) @ (
+            summed[places, -1] + precision * mean
+        )
+        return best
+
+    step, count = amplitudes(whole), len(parts)
+    inverse = least_squares.inverse(whole[np.ix_(places, places)] + prior)
+    if count < 2:  # one half stroke: nothing can be left out
+        return np.asarray(inverse + np.outer(step, step))
+    apart = np.array([amplitudes(whole - part) for part in parts]) - step
+    factor = (student_t.ppf(0.975, count - 1) / NORMAL) ** 2 * (count - 1) / count
+    error: Array = factor * apart.T @ apart + inverse @ prior @ inverse + np.outer(step, step)
+    return error
 
 
-def standard_deviations(g: Grams, names: Sequence[str]) -> dict[str, float]:
-    """Standard deviations of the same amplitudes."""
-    variances = np.diag(clustered_covariance(g, names))
-    return dict(zip(names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
+def _blocks(g: Grams) -> Array:
+    """Sums (b, p + 1, p + 1) over experiments, or parts of them in the order of time where there are few."""
+    experiments = [np.flatnonzero(g.experiment == number) for number in np.unique(g.experiment)]
+    pieces = -(-LEAST_BLOCKS // len(experiments))
+    blocks = [block for strokes in experiments for block in np.array_split(strokes, pieces) if len(block)]
+    return np.array([g.both[block].sum(axis=0) for block in blocks])

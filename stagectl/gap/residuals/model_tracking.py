@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.logs.session import Array, Log
-from stagectl.gap.residuals.thresholds import SUBSTEPS, TRACKER_BANDWIDTH
+from stagectl.gap.residuals.thresholds import FASTEST_TRACKER, SLOWEST_TRACKER, SUBSTEPS, TRACKER_BANDWIDTH
 from stagectl.kernels import feedback, stage, tracked_model
 
 
@@ -47,7 +47,8 @@ def tracker(nominal: stage.Stage, dt: float) -> feedback.Pid:
 
     All candidates share one tracker: the estimator must not depend on what it estimates.
     """
-    gains = feedback.place_poles(nominal.mechanics, nominal.motor.force_constant, TRACKER_BANDWIDTH / dt)
+    share = max(TRACKER_BANDWIDTH, min(SLOWEST_TRACKER * dt, FASTEST_TRACKER))
+    gains = feedback.place_poles(nominal.mechanics, nominal.motor.force_constant, share / dt)
     return feedback.discretised(gains, dt)
 
 
@@ -61,7 +62,9 @@ def tracking_residual(
         plant.stops[:] = load
     x = tracked_model.State(plant, feedback.AT_REST)
     out = np.empty((len(path.rows), 2))
-    tracked_model.follow(p, x, (np.ascontiguousarray(path.rows), out), path.dt, substeps)
+    steps = stage.steps_that_hold(p.stage, path.dt, substeps)
+    tracked_model.follow(p, x, (np.ascontiguousarray(path.rows), out), path.dt, steps)
     measured = path.rows[:, 2]
     missing = np.where(np.isnan(measured), 0.0, measured - out[:, 1])
-    return ModelResidual(out[:, 0] * p.stage.motor.force_constant, missing)
+    with np.errstate(over="ignore"):  # of a candidate that diverges: its residual is not finite, and it is left out
+        return ModelResidual(out[:, 0] * p.stage.motor.force_constant, missing)

@@ -32,6 +32,8 @@ def orders(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) 
 
     `pitch` is the travel of one turn (rad | m).
     """
+    if all(np.ptp(run.mean.rows[:, 1]) < thresholds.COVERED * pitch for run in runs):
+        return _of_no_pitch(runs, residuals, pitch)
     samples = _samples(runs, residuals, pitch)
     whole = np.arange(1, thresholds.HIGHEST_ORDER + 1)
     steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.ORDERS_PER_WHOLE * thresholds.HIGHEST_ORDER // 2)
@@ -51,6 +53,21 @@ def orders(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) 
     }
 
 
+def _of_no_pitch(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) -> dict[str, tuple[float, ...]]:
+    """Orders of cogging where no run covers the `pitch`: periods of the position, from a share of the travel down.
+
+    A nominal model that gives no pitch has one of a whole turn, or of 2 pi m.
+    """
+    travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
+    turn = thresholds.STEPS_PER_TRAVEL * travel
+    samples = _samples(runs, residuals, travel, turn)
+    grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, thresholds.MOST_PERIODS + 1)
+    spectrum = power(samples.effort[None], samples.angle, grid)[0]
+    # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
+    lines = spectrum / np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="nearest"), 1e-300)
+    return {"cogging": tuple(order * pitch / turn for order in peaks(grid, lines, thresholds.STEPS_PER_TRAVEL))}
+
+
 def modes(runs: Sequence[Run], residuals: Sequence[list[Array]]) -> tuple[float, ...]:
     """Frequencies (Hz) at which the residual effort rings, strongest first: lines well above their surroundings."""
     dt = runs[0].mean.dt * thresholds.KEPT
@@ -66,16 +83,19 @@ def modes(runs: Sequence[Run], residuals: Sequence[list[Array]]) -> tuple[float,
     return peaks(frequency[within], prominence, thresholds.MODES_APART)
 
 
-def _samples(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) -> Samples:
-    """Samples of every run that covers a pitch; a single zero where none does."""
+def _samples(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float, turn: float | None = None) -> Samples:
+    """Samples of every run that covers nearly a `pitch`; a single zero where none does.
+
+    Their angle goes round once a `turn`, else once a pitch (rad | m).
+    """
     parts: list[Samples] = []
     for run, repeats in zip(runs, residuals, strict=True):
         position = run.mean.rows[:: thresholds.KEPT, 1]
         velocity = np.gradient(position, run.mean.dt * thresholds.KEPT)
         fast = (np.abs(velocity) > thresholds.MOVING * np.abs(velocity).max(initial=0.0)) & (run.weight > 0.0)
-        if np.ptp(position) < pitch:
+        if np.ptp(position) < thresholds.COVERED * pitch:
             continue
-        signals = (np.mean(repeats, axis=0)[:, 0], 2.0 * np.pi / pitch * position, np.sign(velocity))
+        signals = (np.mean(repeats, axis=0)[:, 0], 2.0 * np.pi / (turn or pitch) * position, np.sign(velocity))
         parts.append(Samples(*(signal[fast] for signal in (*signals, run.mean.rows[:: thresholds.KEPT, 0]))))
     if not parts:
         return Samples(*np.zeros((4, 1)))

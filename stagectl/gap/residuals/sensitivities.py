@@ -54,11 +54,14 @@ def model_residual(p: TrackedModel, path: MeasuredPath, substeps: int = SUBSTEPS
 
 
 def _current_earlier(rows: Array, samples: float) -> Array:
-    """`rows` with the current that was logged `samples` later, by linear interpolation."""
-    count, whole = len(rows), math.floor(samples)
-    held = np.pad(rows[:, 2], abs(whole) + 1, mode="edge")[abs(whole) + 1 + whole :]
+    """`rows` with the current that was logged `samples` later, by linear interpolation.
+
+    Where no other current than the command is known, it is that one.
+    """
+    count, whole, logged = len(rows), math.floor(samples), 0 if np.isnan(rows[:, 2]).all() else 2
+    held = np.pad(rows[:, logged], abs(whole) + 1, mode="edge")[abs(whole) + 1 + whole :]
     rows = rows.copy()
-    rows[:, 2] = held[:count] + (samples - whole) * (held[1 : count + 1] - held[:count])
+    rows[:, logged] = held[:count] + (samples - whole) * (held[1 : count + 1] - held[:count])
     return rows
 
 

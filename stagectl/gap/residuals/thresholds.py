@@ -9,6 +9,9 @@ from __future__ import annotations
 # Share of the sampling frequency: bandwidth of the tracker, 40 Hz at 2 kHz.  A faster tracker holds the model closer
 # to the path but excites every candidate that has a resonance.
 TRACKER_BANDWIDTH = 0.02
+# Hz below which it does not fall, as a reversal takes a tenth of a second, and the share of the sampling frequency that
+# it then takes at most.  At 94 Hz the share of 0.02 would place the reversals of a robot's joint 40 ms late.
+SLOWEST_TRACKER, FASTEST_TRACKER = 20.0, 0.08
 SUBSTEPS = 4  # integration steps per period; effects stiffer than rolling friction take more by themselves
 # Integration steps per period for sensitivities: both simulations of a difference share their integration error, so
 # that half as many suffice.
@@ -59,8 +62,18 @@ APART_FROM_WHOLE = 2  # of these steps that such an order lies off a whole one
 LOWEST_FRACTIONAL = 26  # of these steps: lowest order of a ball pass, 1.3
 ORDERS_APART = 0.5  # orders between two ball-pass candidates
 LEAD_ORDERS = (2.0, 3.0)  # orders at which the friction of a lead may vary
+COVERED = 0.9  # of a pitch: a run that covers less does not show its orders
+# Where the pitch is not known: steps of a period over the travel, and from how many periods to how many such steps.
+STEPS_PER_TRAVEL, FEWEST_PERIODS, MOST_PERIODS = 4, 4, 1200
+ORDER_SURROUNDINGS = 41  # of these steps, whose median a line must exceed; odd
 MOVING = 0.02  # share of the largest speed: slower samples do not enter a periodogram over the angle
 LOWEST_MODE, HIGHEST_MODE = 6.0, 75.0  # Hz: range in which a machine base rings
 MODE_SEGMENT = 2.0  # s of a segment of the spectrum: a mode damped by a few per cent rings as long
 MODE_SURROUNDINGS = 6.0  # Hz to either side, whose median a line must exceed
 MODES_APART = 2.0  # Hz between two modes
+# Relative eigenvalue of the nuisances' correlations below which a direction is left out.
+SINGULAR_NUISANCE = 1e-10
+
+# -- errors of parameters ----------------------------------------------------------------------------------------------
+# Experiments, or parts of them, that are left out in turn; chosen: with fewer, Student's factor is above 1.4.
+LEAST_BLOCKS = 5

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 VERDICTS = ("none", "parameters", "effects", "effects+unknown", "unknown", "controller", "not-identifiable")
 BLOCKS = (CONTROLLER, DRIVE, MECHANICS, SENSOR)  # of the signal chain, in its order
+PARAMETERS = "parameters"  # all shifted parameters together, among the shares
 UNEXPLAINED, NOISE = "repeatable but unexplained", "not repeatable"  # names among the shares
 NAMED = 0.5  # probability from which an effect counts as named: more likely there than not
 
@@ -42,6 +43,7 @@ class FoundEffect(NamedTuple):
     fields: Fields = ()  # of the stage file; with "friction.law" among them that block is replaced as a whole
     parameter: bool = False  # every model has it: an error of its value
     coordinate: str = "none"
+    choices: tuple[tuple[str, Fields], ...] = ()  # alternatives in its place, with their fields
     curve: tuple[Array, Array, Array] | None = None  # coordinate, residual, and what the effect explains of it
     curve_unit: str = ""  # of residual and model; empty: that of the effort
 
@@ -72,6 +74,15 @@ class Spans(NamedTuple):
     file: str
     spans: tuple[tuple[float, float], ...]  # s
     duration: float = 0.0  # s, of the log
+
+
+class Part(NamedTuple):
+    """Who holds a share of the gap: a named effect, `PARAMETERS`, or `UNEXPLAINED` of one block."""
+
+    name: str
+    block: str  # of BLOCKS
+    coordinate: str
+    share: float  # of what the nominal model leaves above the floor of repeats
 
 
 class UnknownTerm(NamedTuple):
@@ -111,6 +122,10 @@ class NextExperiment(NamedTuple):
     text: str = ""  # YAML of the trajectory
 
 
+HELD_OUT = "held-out runs"
+UNFITTED = "blocks that chose no value"  # of the runs that the answer comes from, where none is held out
+
+
 class DiagnosisResult(NamedTuple):
     """All of it."""
 
@@ -123,6 +138,7 @@ class DiagnosisResult(NamedTuple):
     coordinates: tuple[Coordinate, ...]
     captures: tuple[Spans, ...]
     shares: tuple[tuple[str, float], ...]  # parameters | each effect | UNEXPLAINED | NOISE; together 1
+    parts: tuple[Part, ...] = ()  # whose the gap is
     next_experiment: NextExperiment | None = None
     unknown: UnknownTerm | None = None
     traces: tuple[Trace, ...] = ()
@@ -134,6 +150,7 @@ class DiagnosisResult(NamedTuple):
     seconds: tuple[tuple[str, float], ...] = ()  # of each step
     reason: str = ""  # a sentence: the fault of the controller, or why nothing is identifiable
     impossible: tuple[tuple[str, str], ...] = ()  # (one of BLOCKS, why it could not be judged)
+    judged_on: str = HELD_OUT  # what the gaps are of
 
     @property
     def travel(self) -> Travel:

@@ -128,6 +128,23 @@ def parts(result: DiagnosisResult, only: Sequence[str] = (), unknown: bool = Fal
     return chosen, omitted
 
 
+def with_choices(result: DiagnosisResult, names: Sequence[str]) -> DiagnosisResult:
+    """The diagnosis with each of `names`, an alternative of an effect, in the place of that effect.
+
+    Raises PatchError where a name is no alternative whose values the diagnosis has.
+    """
+    for name in names:
+        held = next((effect for effect in result.effects if name in dict(effect.choices)), None)
+        if held is None:
+            known = ", ".join(other for effect in result.effects for other, _ in effect.choices) or "none"
+            message = f"--choose {name}: no alternative of this diagnosis with values; there are: {known}"
+            raise PatchError(message, "--choose", name)
+        others = tuple(other for other in (held.name, *held.alternatives) if other != name)
+        instead = held._replace(name=name, alternatives=others, fields=dict(held.choices)[name], choices=())
+        result = result._replace(effects=tuple(instead if effect is held else effect for effect in result.effects))
+    return result
+
+
 def _nothing(result: DiagnosisResult, omitted: Sequence[str]) -> str:
     if result.verdict == "controller":
         return (

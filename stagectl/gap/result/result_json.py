@@ -22,7 +22,7 @@ _KEYS = (
     *("notes", "cannot_tell", "axis", "seconds"),
 )
 _GROUPS: Mapping[str, tuple[str, ...]] = {  # fields of the diagnosis that are one object
-    "where": ("blocks", "impossible", "coordinates", "captures"),
+    "where": ("blocks", "parts", "impossible", "coordinates", "captures"),
     "axis": ("kind", "travel_per_unit", "travel_unit"),
 }
 
@@ -91,7 +91,13 @@ def load(place: Path) -> DiagnosisResult:
             path, f"is not a diagnosis: {error}; run `stagectl gap diagnose` again", error
         ) from error
     except (OSError, ValueError) as error:
-        raise NotADiagnosisError(path, f"cannot be read as JSON: {error}; run `stagectl gap diagnose` again") from error
+        raise NotADiagnosisError(path, f"cannot be read as JSON: {error}; {_next(path)}") from error
+
+
+def _next(path: Path) -> str:
+    if path.suffix in (".yaml", ".yml"):
+        return "it looks like a stage file: give the folder of the captures first, the stage file last"
+    return "run `stagectl gap diagnose` again"
 
 
 def restored(data: Any) -> DiagnosisResult:

@@ -13,6 +13,7 @@ from stagectl.number_format import percent, three_digits, together
 _GAP_LABELS = {"tracking_error": "tracking gap"}  # of gaps that are not labelled by their key
 _NOTHING_CHANGED = ("none", "not-identifiable")  # verdicts under which the model stays as it is
 MOST = 3  # effects in the sentence, parameters in it, and spans in a line; chosen for one line each
+FLOORS = 2.0  # times the floor: a larger gap is not closed; from the issue that asked for it
 _SMALL = 0.005  # share of the gap below which its size is not stated
 _LIKELY = 0.3  # probability from which an effect that is not named is mentioned
 _BEYOND = 0.05  # by which a share may lie below 0 or above 1 and still be stated by itself; chosen
@@ -28,12 +29,18 @@ def _none(result: DiagnosisResult) -> str:
     likely = max(effects, key=lambda effect: effect.probability, default=None)
     if likely is not None and likely.probability >= _LIKELY:
         return f"No effect is certain. {_capital(candidates(likely))}: probability {likely.probability:.2f}."
-    return "The model agrees with the machine: these logs show no missing effect and no parameter error."
+    gap = headline(result)[1]
+    if not gap.floor > 0.0 and gap.before > FLOORS * gap.after:
+        return "The model is off, but these logs do not show which of its parameters is."
+    if _at_floor(result, gap.before):
+        return "The model agrees with the machine: these logs show no missing effect and no parameter error."
+    return "No effect of the library and no parameter explains the gap of these logs."
 
 
 def _controller(result: DiagnosisResult) -> str:
-    verdict = "The controller that ran is not the one described, so the blocks after it are not judged."
-    return " ".join(filter(None, [verdict, result.reason, "Correct its description, then diagnose again."]))
+    verdict = "The controller that ran is not the one described, so no loop is simulated."
+    beside = f"From the logged command alone: {_causes(result, result.named)}." if result.named else ""
+    return " ".join(filter(None, [verdict, result.reason, beside, "Correct its description, then diagnose again."]))
 
 
 def _unidentifiable(result: DiagnosisResult) -> str:
@@ -45,15 +52,33 @@ def _unidentifiable(result: DiagnosisResult) -> str:
     return " ".join(filter(None, [verdict, result.reason, advised]))
 
 
+_NO_EFFECT = {True: "No effect is missing, but", False: "No effect explains what is left, and"}
+
+
+def _at_floor(result: DiagnosisResult, size: float) -> bool:
+    """Whether a gap of `size` lies at what repeats differ by; a gap or a floor that is not known says nothing."""
+    floor = headline(result)[1].floor
+    return not (floor > 0.0 and size > FLOORS * floor)
+
+
 _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
     "none": _none,
-    "parameters": lambda r: f"No effect is missing, but parameters of the model are off: {_causes(r, r.named)}.",
+    "parameters": lambda r: (
+        f"{_NO_EFFECT[_at_floor(r, headline(r)[1].after)]} parameters of the model are off: {_causes(r, r.named)}."
+    ),
     "effects": lambda r: f"{_capital(_missing(r))}.",
     "effects+unknown": lambda r: f"{_capital(_missing(r))}. {_capital(_unknown(r))}.",
-    "unknown": lambda r: f"No effect of the library explains the gap. {_capital(_unknown(r))}.",
+    "unknown": lambda r: f"{_known_part(r)}. {_capital(_unknown(r))}.",
     "controller": _controller,
     "not-identifiable": _unidentifiable,
 }
+
+
+def _known_part(result: DiagnosisResult) -> str:
+    """What is known where something is not: the parameters that are off."""
+    if not result.named:
+        return "No effect of the library explains the gap"
+    return f"Parameters of the model are off: {_causes(result, result.named)}"
 
 
 def _capital(text: str) -> str:
@@ -148,8 +173,9 @@ def _distance(result: DiagnosisResult) -> str:
     unchanged = result.verdict in _NOTHING_CHANGED
     size = f"{before} {unit}" if unchanged else f"{before} -> {after} {unit}"
     noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else "noise floor not known: no run was repeated"
-    doubt = "" if _shrinks(result) or unchanged or not result.named else "; this decrease is not significant"
-    return f"{_capital(name)} {size} on held-out runs, {noise}{doubt}."
+    change = "this decrease is not significant" if gap.after < gap.before else "the model comes no closer"
+    doubt = "" if _shrinks(result) or unchanged or not result.named else f"; {change}"
+    return f"{_capital(name)} {size} on {result.judged_on}, {noise}{doubt}."
 
 
 def _shrinks(result: DiagnosisResult) -> bool:
@@ -180,7 +206,7 @@ def ambiguous(result: DiagnosisResult) -> list[str]:
     """Effects that these data do not separate, a line each."""
     return [
         f"{_capital(candidates(effect))}: these data fit each of them; "
-        f"{label(effect.name)} has probability {effect.probability:.2f}."
+        f"{'one of them' if effect.parameter else label(effect.name)} has probability {effect.probability:.2f}."
         for effect in result.effects
         if effect.alternatives
     ]
@@ -217,7 +243,17 @@ def spans(result: DiagnosisResult) -> list[str]:
 
 def lines(result: DiagnosisResult) -> list[str]:
     """All that is said below the figures: notes, what is ambiguous, and the next experiment."""
-    return [*remarks(result), *ambiguous(result), *advice(result)]
+    return [*remarks(result), *idle(result), *ambiguous(result), *advice(result)]
+
+
+def idle(result: DiagnosisResult) -> list[str]:
+    """Effects that explain forces, while the model with them comes no closer to the held-out runs; a line each."""
+    return [
+        f"{_capital(label(effect.name))} explains the forces, but does not improve the model: its share of the gap is "
+        f"{percent(effect.share)}."
+        for effect in result.named
+        if not effect.parameter and effect.fields and effect.share <= 0.0
+    ]
 
 
 def remarks(result: DiagnosisResult) -> list[str]:

@@ -1,1 +1,1 @@
-"""Which effects explain the residuals: baseline fit, candidates, search, refinement."""
+"""Which effects explain the residuals: baseline fit, candidates, evidence, refinement."""

@@ -13,17 +13,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stagectl.gap.effects.stage_changes import delayed
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
-from stagectl.gap.residuals.gram_matrices import bounded_step
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.model_tracking import ModelResidual
+from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
-from stagectl.gap.selection import thresholds
+from stagectl.gap.selection import priors, thresholds
+from stagectl.gap.selection.priors import Prior
 from stagectl.kernels import friction_bristle, stage
 from stagectl.parallel import in_parallel
 
+DELAY = "dead_time"  # the whole delay of the drive, from the effort that a command needs against its motion
 START = "start"  # the friction's state at the beginning, with an amplitude of its own in each run
 
 
@@ -36,6 +38,7 @@ class BaselineFit(NamedTuple):
     products: gram_matrices.Products  # of all these directions, START taken out
     before: list[list[Array]]  # whitened residual of each run and repeat, nominal model
     after: list[list[Array]]  # the same, refitted
+    prior: Prior  # what was known before
 
 
 def weight_name(k: int) -> str:
@@ -55,11 +58,12 @@ def parameter_names(moving: Iterable[Direction]) -> list[str]:
 
 
 def directions(session: Session, model: TrackedModel, measured: bool) -> list[Direction]:
-    """All that the baseline fit may move; the time shift only where a current was `measured`."""
+    """All that the baseline fit may move: where a current was logged its time shift, else the drive's delay.
+
+    `measured`: next to a command.
+    """
     p, coulomb = model.stage, friction_family.size(model.stage)
-    viscous = thresholds.VISCOUS_CHANGE * (
-        p.mechanics.viscous or thresholds.NATURAL_DAMPING * p.mechanics.inertia / session.dt
-    )
+    viscous = thresholds.VISCOUS_CHANGE * viscous_unit(p, session.dt)
     moving = [
         _mechanics("inertia", thresholds.INERTIA_CHANGE * p.mechanics.inertia),
         _mechanics("bias", thresholds.BIAS_CHANGE * coulomb),
@@ -67,15 +71,23 @@ def directions(session: Session, model: TrackedModel, measured: bool) -> list[Di
         _mechanics("viscous", viscous),
         *(_weight(k, thresholds.WEIGHT_CHANGE * coulomb) for k in range(len(p.friction.operators.weight))),
     ]
-    if measured:
+    if measured or all(log.command is None for log in session.logs):
         step = thresholds.SHIFT_CHANGE * session.dt
         moving.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + step), step))
+    else:
+        later = thresholds.SHIFT_CHANGE * session.dt
+        moving.append(Direction(DELAY, lambda m: m._replace(stage=delayed(m.stage, later, session.dt)), later))
     if p.friction.bristle.coulomb > 0.0:
         moving += [
             _bristle("bristle_size", 1.0 + thresholds.BRISTLE_CHANGE, 1.0, thresholds.BRISTLE_CHANGE),
             _bristle("bristle_length", 1.0, 1.0 + thresholds.LENGTH_CHANGE, thresholds.LENGTH_CHANGE),
         ]
     return moving
+
+
+def viscous_unit(p: stage.Stage, dt: float) -> float:
+    """Unit of the viscous friction: the model's own, or a small share of inertia over control period."""
+    return p.mechanics.viscous or thresholds.NATURAL_DAMPING * p.mechanics.inertia / dt
 
 
 def _mechanics(name: str, added: float) -> Direction:
@@ -128,17 +140,26 @@ def _member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
 def noise_of(model: TrackedModel, runs: Sequence[Run], dt: float) -> Whitener:
     """The whitening filter, from the differences between the repeats of each run.
 
-    Where no experiment was repeated, the noise is estimated from differences between neighbouring samples of the
-    model's own residual.
+    Where no experiment was repeated, noise is added to each column of the logs, as large as the differences between
+    neighbouring samples are: through the model it is what two repeats would differ by.
     """
     repeated = [run for run in runs if len(run.paths) > 1]
-    residuals = in_parallel(lambda run: [model_residual(model, path) for path in run.paths], repeated or runs)
-    records = [_deviations(repeats) if repeated else [_roughness(repeats[0])] for repeats in residuals]
-    noise = list(itertools.chain.from_iterable(records))
+    groups = [list(run.paths) for run in repeated] or [_pretended_repeats(run, model) for run in runs]
+    residuals = in_parallel(lambda paths: [model_residual(model, path) for path in paths], groups)
+    noise = list(itertools.chain.from_iterable(map(_deviations, residuals)))
     return whitener(noise, _least_noise(runs, model), dt)
 
 
-def _is_measured(runs: Sequence[Run]) -> bool:
+def _pretended_repeats(run: Run, model: TrackedModel) -> list[MeasuredPath]:
+    """The path of a run that was not repeated, and the same with as much noise again as each of its columns shows."""
+    rows = run.mean.rows
+    sizes = np.array([_roughness(column) for column in rows.T])
+    sizes[1] = max(sizes[1], model.stage.encoder.step / np.sqrt(12.0))  # of rounding to whole steps
+    noise = np.random.default_rng(thresholds.NOISE_SEED).standard_normal(rows.shape) * sizes
+    return [run.mean, run.mean._replace(rows=rows + np.sqrt(2.0) * noise)]
+
+
+def is_measured(runs: Sequence[Run]) -> bool:
     """Whether the logs hold the current next to the command."""
     return bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
 
@@ -146,7 +167,7 @@ def _is_measured(runs: Sequence[Run]) -> bool:
 def _least_noise(runs: Sequence[Run], model: TrackedModel) -> tuple[float, float]:
     current = np.concatenate([run.mean.rows[:, 0] for run in runs])
     rms = thresholds.LEAST_NOISE * float(np.sqrt(np.nanmean(current * current)))
-    return rms * model.stage.motor.force_constant, rms if _is_measured(runs) else 0.0
+    return rms * model.stage.motor.force_constant, rms if is_measured(runs) else 0.0
 
 
 def _deviations(repeats: Sequence[ModelResidual]) -> list[ModelResidual]:
@@ -154,11 +175,9 @@ def _deviations(repeats: Sequence[ModelResidual]) -> list[ModelResidual]:
     return [ModelResidual(*pair) for pair in zip(effort, current, strict=True)]
 
 
-def _roughness(p: ModelResidual) -> ModelResidual:
-    """Third differences: noise, as nothing else changes from sample to sample."""
-    return ModelResidual(
-        *(np.diff(signal, 3, prepend=np.zeros(3)) / np.sqrt(thresholds.DIFFERENCED_NOISE) for signal in p)
-    )
+def _roughness(signal: Array) -> float:
+    """Standard deviation of white noise, from third differences: nothing else changes from sample to sample."""
+    return float(np.sqrt(np.mean(np.diff(signal, 3) ** 2) / thresholds.DIFFERENCED_NOISE))
 
 
 def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: Sequence[str] = ()) -> BaselineFit:
@@ -166,21 +185,61 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     noise = noise_of(nominal, runs, session.dt)
     model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
     before = residuals_of(nominal, runs, noise)
-    moving = directions(session, model, _is_measured(runs))
+    moving = directions(session, model, is_measured(runs))
     free = [direction for direction in moving if direction.name not in frozen]
     bristles = members(nominal.stage)
     known = gram_matrices.products(runs, all_columns(model, runs, [*free, *bristles], noise), START)
-    residuals = before
-    chosen: Direction | None = None
+    at_nominal = gram_matrices.fold_sums(known, before)
+    prior = priors.believed(at_nominal, parameter_names(free), priors.prior_of(model, runs, session.dt))
+    residuals, chosen = before, None
     for _ in range(thresholds.BASELINE_STEPS):
         g = gram_matrices.fold_sums(known, residuals)
-        if chosen is None:
-            chosen = _best_member(g, parameter_names(free), bristles)
+        chosen = chosen or _best_member(g, parameter_names(free), bristles)
         names = [*parameter_names(free), *([] if chosen is None else [chosen.name])]
-        low = np.array([lowest(model, name) for name in names])
-        model = moved(model, bounded_step(g, names, low, np.full(len(names), np.inf)), chosen)
-        residuals = residuals_of(model, runs, noise)
-    return BaselineFit(model, noise, (*free, *bristles), known, before, residuals)
+        after = _stepped(prior, runs, model, (g, residuals, noise), (names, chosen))
+        if after is None:
+            break
+        model, residuals = after
+    return BaselineFit(model, noise, (*free, *bristles), known, before, residuals, prior)
+
+
+_Data = tuple[gram_matrices.Grams, list[list[Array]], Whitener]
+
+
+def _stepped(
+    prior: Prior,
+    runs: Sequence[Run],
+    model: TrackedModel,
+    data: _Data,
+    moving: tuple[list[str], Direction | None],
+) -> tuple[TrackedModel, list[list[Array]]] | None:
+    """One Gauss-Newton step, or the share of it that brings `model` closer to the data; None where none does."""
+    (g, residuals, noise), (names, chosen) = data, moving
+    weight = priors.temper(g, names, prior)
+    step = priors.bounded_step(g, names, prior.limits(model, names), prior.informed(model, names), weight)
+
+    def cost(model: TrackedModel, residuals: list[list[Array]]) -> float:
+        return weight * sum_of_squares(runs, residuals) + prior.cost(model, names)
+
+    now = cost(model, residuals)
+    for share in thresholds.STEP_SHARES:
+        after = moved(model, {name: share * value for name, value in step.items()}, chosen, prior.dt)
+        left = residuals_of(after, runs, noise)
+        if cost(after, left) < now:
+            return after, left
+    return None
+
+
+def sum_of_squares(runs: Sequence[Run], residuals: list[list[Array]]) -> float:
+    """Sum of squares over all samples that count; not finite where a simulation has diverged."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(
+            sum(
+                np.sum((residual * run.weight[:, None]) ** 2)
+                for run, repeats in zip(runs, residuals, strict=True)
+                for residual in repeats
+            )
+        )
 
 
 def _best_member(g: gram_matrices.Grams, names: Sequence[str], bristles: Sequence[Direction]) -> Direction | None:
@@ -194,20 +253,11 @@ def _best_member(g: gram_matrices.Grams, names: Sequence[str], bristles: Sequenc
     return best if without - left > thresholds.BRISTLE_GAIN * closable else None
 
 
-def lowest(model: TrackedModel, name: str) -> float:
-    """How far down a parameter may go: no negative weight, inertia or damping."""
-    p = model.stage
-    if name.startswith("weight_"):
-        return -float(p.friction.operators.weight[int(name.removeprefix("weight_"))])
-    if name in ("inertia", "viscous"):
-        return thresholds.LOWEST_MECHANICS * float(getattr(p.mechanics, name))
-    if is_member(name):
-        return -p.friction.bristle.coulomb
-    return thresholds.LOWEST_BRISTLE if name.startswith("bristle_") else -np.inf
+def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | None, dt: float) -> TrackedModel:
+    """`model` with each parameter moved by its step, and the bristle `member` of the family, if there is one.
 
-
-def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | None) -> TrackedModel:
-    """`model` with each parameter moved by its step, and the bristle `member` of the family, if there is one."""
+    `dt` is the control period (s).
+    """
     p = model.stage
     mechanics = p.mechanics._replace(
         inertia=p.mechanics.inertia + move.get("inertia", 0.0),
@@ -222,6 +272,8 @@ def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | No
         bristle = _with_force(bristle, member.change(model).stage.friction.bristle, move[member.name])
     changed = p.friction._replace(operators=operators._replace(weight=weights), bristle=bristle)
     moved_stage = p._replace(mechanics=mechanics, friction=changed)
+    if move.get(DELAY):
+        moved_stage = delayed(moved_stage, move[DELAY], dt)
     return model._replace(stage=moved_stage, shift=model.shift + move.get("time_shift", 0.0))
 
 

@@ -17,6 +17,7 @@ from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
 from stagectl.gap.selection.thresholds import LARGEST_SPEED, NATURAL_DAMPING, SCALED_CHANGE
 from stagectl.kernels.stage import Stage
+from stagectl.units import ROTARY
 
 
 class Form(NamedTuple):
@@ -129,6 +130,11 @@ def scales(session: Session, runs: Sequence[Run], orders: Mapping[str, tuple[flo
         orders=orders,
         periods=p.encoder.interpolation.order if p.encoder.interpolation.order > 1.0 else 0.0,
         voltage=float(voltage.max()) if drive.back_emf > 0.0 else 0.0,
+        delay=drive.delay_samples * session.dt + drive.dead_time,
+        lag=drive.current_lag,
+        commanded=any(log.command is not None for run in runs for log in run.logs),
+        measured=any(log.current is not None for run in runs for log in run.logs),
+        rotates=session.kind == ROTARY and session.travel_unit == "rad",
     )
 
 

@@ -1,9 +1,8 @@
-"""How large a gain comes from a wrong friction law alone: an ensemble of machines without any effect.
+"""What a wrong friction law alone leaves: an ensemble of machines without any effect.
 
 Each has another law of the family (Maxwell slip with random elements, Dahl with a random exponent, LuGre), with the
 strength and about the length of the refitted one, and moves along the same measured path.  The residual of the base
-model on such a machine is form error and nothing else.  The search runs over it exactly as over the data.  An effect
-counts as found only where its gain exceeds all gains that the ensemble gives this effect.
+model on such a machine is form error and nothing else: a column that the evidence integrates out.
 """
 
 from __future__ import annotations

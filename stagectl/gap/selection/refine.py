@@ -10,10 +10,9 @@ import numpy as np
 from stagectl.gap.effects.effect import Shape, TimeVariation, Values
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
-from stagectl.gap.residuals.gram_matrices import bounded_step
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection import baseline_fit, thresholds
+from stagectl.gap.selection import baseline_fit, priors, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
 from stagectl.gap.selection.candidates import EffectValues, direction, equipped, on_the_clock
 
@@ -65,14 +64,7 @@ def residuals(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues])
 
 def total(e: Evidence, residuals: list[list[Array]]) -> float:
     """Sum of squares over all samples that count; not finite where a simulation has diverged."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(
-            sum(
-                np.sum((residual * run.weight[:, None]) ** 2)
-                for run, repeats in zip(e.runs, residuals, strict=True)
-                for residual in repeats
-            )
-        )
+    return baseline_fit.sum_of_squares(e.runs, residuals)
 
 
 def floor(e: Evidence) -> float:
@@ -126,12 +118,14 @@ def _step(e: Evidence, now: Fitted) -> Fitted:
     """One Gauss-Newton step, or the share of it that improves the fit; `now` where none does."""
     own, nuisance = parameters(now), nuisances(e)
     g = gram_matrices.fold_sums(tangent(e, now, own), now.residuals)
-    low, high = np.array([(baseline_fit.lowest(now.model, name), np.inf) for name in nuisance] + _limits(now)).T
-    step = bounded_step(g, [*nuisance, *(p.name for p in own)], low, high)
+    names, prior = [*nuisance, *(p.name for p in own)], e.base.prior
+    limits = np.concatenate([prior.limits(now.model, nuisance), np.array(_limits(now)).reshape(-1, 2)])
+    informed = {**prior.informed(now.model, nuisance), **_informed(now)}
+    step = priors.bounded_step(g, names, limits, informed, priors.temper(g, names, prior))
     for share in thresholds.STEP_SHARES:
         move = {name: share * value for name, value in step.items()}
         effects = tuple(_shifted(valued, move) for valued in now.effects)
-        after = _fitted(e, baseline_fit.moved(now.model, move, None), effects)
+        after = _fitted(e, baseline_fit.moved(now.model, move, None, prior.dt), effects)
         if after.residual_sum_of_squares < now.residual_sum_of_squares:
             return after
     return now
@@ -140,6 +134,11 @@ def _step(e: Evidence, now: Fitted) -> Fitted:
 def nuisances(e: Evidence) -> list[str]:
     """Columns of the base that move next to every effect."""
     return baseline_fit.parameter_names(e.base.directions)
+
+
+def moving(e: Evidence) -> list[str]:
+    """Columns that move next to every effect: the base's parameters, and the bristles of the family."""
+    return [direction.name for direction in e.base.directions if direction.name != baseline_fit.START]
 
 
 def tangent(e: Evidence, now: Fitted, own: Sequence[Direction]) -> gram_matrices.Products:
@@ -212,6 +211,18 @@ def _limits(now: Fitted) -> list[tuple[float, float]]:
             )
             limits.append((low - value, high - value))
     return limits
+
+
+def _informed(now: Fitted) -> dict[str, tuple[float, float]]:
+    """How far each amplitude is from no effect, and how large it may be before any data."""
+    return {
+        f"{valued.effect.name}.{amplitude.name}": (
+            valued.values[amplitude.name],
+            thresholds.AMPLITUDE_WIDTH * max(map(abs, amplitude.typical)),
+        )
+        for valued in now.effects
+        for amplitude in valued.effect.amplitudes
+    }
 
 
 def _shifted(valued: EffectValues, move: Mapping[str, float]) -> EffectValues:

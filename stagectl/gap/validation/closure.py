@@ -16,16 +16,15 @@ from stagectl.gap.residuals.half_strokes import Run, by_experiment, runs
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import BAND
 from stagectl.gap.residuals.whitening import Whitener
-from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Gap, Trace
+from stagectl.gap.result.diagnosis import NOISE, PARAMETERS, UNEXPLAINED, Gap, Trace
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.swap_tests import Selection
+from stagectl.gap.selection.select import Selection
 from stagectl.gap.validation import held_out_gap, rollouts
+from stagectl.gap.validation.cross_validation import optimism
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.gap.validation.thresholds import OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.stage import Stage
-
-PARAMETERS = "parameters"  # all shifted parameters together, as one player
 
 
 class Closure(NamedTuple):
@@ -39,7 +38,17 @@ class Closure(NamedTuple):
 
 
 def closure(session: Session, e: Evidence, selected: Selection, improved: Stage) -> Closure:
-    """Of the held-out runs, or of all where none is: in closed loop where it is known, else along the path."""
+    """Of the held-out runs, or of all where none is: in closed loop where it is known, else along the path.
+
+    Where none is held out, what is left is judged on blocks that did not choose the values, one after the other.
+    """
+    found = _closure_of(session, e, selected, improved)
+    if any(log.held_out for log in session.logs):
+        return found
+    return found._replace(gap=held_out_gap.worse(found.gap, optimism(e, selected.fitted)))
+
+
+def _closure_of(session: Session, e: Evidence, selected: Selection, improved: Stage) -> Closure:
     judged = [log for log in session.logs if log.held_out] or list(session.logs)
     if session.law is None or any(log.setpoints is None for log in judged):
         return along_the_path(session, e, selected, improved)

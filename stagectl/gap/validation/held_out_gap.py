@@ -121,6 +121,14 @@ def gap(before: StrokeSums, after: StrokeSums, least: StrokeSums, unit: str, exp
     return Gap(rms[0], rms[1], rms[2], unit, float(whole), float(low), float(high), expected)
 
 
+def worse(p: Gap, factor: float) -> Gap:
+    """The gap where the squares after are `factor` times as large; none is larger than before."""
+    after = min(p.after * math.sqrt(factor), max(p.before, p.after))
+    share = (after**2 - p.floor**2) / max(p.after**2 - p.floor**2, 1e-300)
+    low, closed, high = (1.0 - share * (1.0 - value) for value in (p.low, p.closure, p.high))
+    return p._replace(after=after, closure=closed, low=low, high=high)
+
+
 def _closure(before: Array, after: Array, least: Array) -> Array:
     return 1.0 - (after - least) / np.maximum(before - least, 1e-300)
 

@@ -32,7 +32,7 @@ def closed_loop(p: Rollout, model: stage.Stage, substeps: int) -> Array:
     rows = np.zeros((len(p.setpoints), rollout.WIDTH))
     plant = stage.at_reading(model, p.start, p.clock)
     inputs = (np.ascontiguousarray(p.setpoints), np.zeros((len(rows), 2)), rows)
-    rollout.closed_loop(rollout.Loop(p.law, model), plant, inputs, p.dt, substeps)
+    rollout.closed_loop(rollout.Loop(p.law, model), plant, inputs, p.dt, stage.steps_that_hold(model, p.dt, substeps))
     return rows
 
 

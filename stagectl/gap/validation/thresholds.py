@@ -13,3 +13,5 @@ NEARLY_CLOSEST = 1.05
 OPEN_ABOVE_FLOOR = 5.0
 # Upper end of the closure's interval; chosen.  A gap stays open only where surely less than half of it closes.
 OPEN_CLOSURE = 0.5
+# Chosen.  Blocks of half strokes, each predicted from the others where no run is held out.
+BLOCKS = 5

@@ -10,18 +10,19 @@ import numpy as np
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.logs.session import Log, Session
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.swap_tests import Selection
+from stagectl.gap.selection.select import Selection
 from stagectl.gap.validation import held_out_gap, rollouts
-from stagectl.gap.validation.closure import Closure, closure
+from stagectl.gap.validation.closure import Closure, closure, effort
 from stagectl.gap.validation.thresholds import NEARLY_CLOSEST
 from stagectl.kernels.stage import Stage
 
 NOTHING_HELD_OUT = (
-    "no log is held out: the gap is judged on the runs that chose the effects, so the closure is too optimistic"
+    "no log is held out: the gap after is that of blocks of the runs, each with values that the other blocks gave; the "
+    "effects themselves were chosen on all of them"
 )
 NOTHING_CLOSER = (
-    "no fitted model brings the simulated loop closer to the runs that it was fitted on: the gap after is that of the "
-    "nominal model, and only the forces support the effects named here"
+    "no fitted model brings the simulation closer to the runs that it was fitted on, so none is applied: the gap after "
+    "is that of the nominal model, and an effect that is named explains forces without improving it"
 )
 
 
@@ -35,7 +36,7 @@ class Validation(NamedTuple):
 
 def validate(session: Session, e: Evidence, selected: Selection, conclusions: Conclusions) -> Validation:
     """The best of the models that were found, with the drive's signatures, on runs that chose nothing."""
-    best = _best_model(session, [*conclusions.models, session.stage])
+    best = _best_model(session, e, [*conclusions.models, session.stage])
     improved = best
     for signature in conclusions.signatures:
         improved = signature.put_in(improved)
@@ -43,11 +44,13 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
     return Validation(improved, closure(session, e, selected, improved), tuple(lines))
 
 
-def _best_model(session: Session, stages: Sequence[Stage]) -> Stage:
-    """The first of `stages` that closes the loop's gap on the training logs; the first where no loop is known."""
+def _best_model(session: Session, e: Evidence, stages: Sequence[Stage]) -> Stage:
+    """The first of `stages` that closes the gap on the training logs: of the loop, or of the effort without one."""
     training = [log for log in session.logs if not log.held_out]
     if session.law is None or any(log.setpoints is None for log in training):
-        return stages[0]
+        models = (e.base.model._replace(stage=stage) for stage in stages)
+        sums = [float(effort(model, e.runs, e.base.noise, session.dt).squares.sum()) for model in models]
+        return _nearly_closest(stages, sums)
     return closest(session, stages, training)
 
 
@@ -59,6 +62,10 @@ def closest(session: Session, stages: Sequence[Stage], logs: Sequence[Log]) -> S
     """
     judged = held_out_gap.judged_logs(session, logs)
     sums = [held_out_gap.remaining(judged, rollouts.simulated_logs(session, stage, logs)) for stage in stages]
+    return _nearly_closest(stages, sums)
+
+
+def _nearly_closest(stages: Sequence[Stage], sums: Sequence[float]) -> Stage:
     limit = NEARLY_CLOSEST * np.nanmin(sums)
     return next(stage for stage, remaining in zip(stages, sums, strict=True) if remaining <= limit)
 

@@ -13,10 +13,9 @@ import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture
+from stagectl.identification.capture import Capture
 from stagectl.identification.friction import closed_loop
-from stagectl.identification.friction.delay import Delay
-from stagectl.identification.friction.fit import FilteredCapture, FrictionFit, Scale, fitted, fitted_force, plant
+from stagectl.identification.friction.fit import Data, FrictionFit, fitted, fitted_force, plant
 from stagectl.identification.result import UNITS, Note, Topic
 
 FIRST = ("inertia", "viscous")  # parameters of every member; the offset comes behind its own weights
@@ -25,21 +24,14 @@ FIRST = ("inertia", "viscous")  # parameters of every member; the offset comes b
 class Basis(NamedTuple):
     """The data that all members are fitted to and compared on."""
 
-    data: list[FilteredCapture]
-    scale: Scale
+    data: Data
     captures: list[Capture]
     file: StageFile
-    delay: Delay
-
-    @property
-    def force(self) -> Array:
-        """Decimated forces (m,) of all captures."""
-        return np.concatenate([capture.force for capture in self.data])
 
     @property
     def jump(self) -> float:
         """Displacement (rad | m) over which Coulomb friction changes its sign in simulation."""
-        return thresholds.COULOMB_STEPS * self.scale.step
+        return thresholds.COULOMB_STEPS * self.data.scale.step
 
 
 def bic(fit: FrictionFit, independent: float) -> float:
@@ -55,26 +47,30 @@ def names(fit: FrictionFit) -> list[tuple[str, str]]:
     return [*first, *fit.member.linear, ("offset", UNITS["offset"]), *searched]
 
 
-def summary(fit: FrictionFit, force: Array) -> dict[str, Any]:
-    """One member as JSON values; `force` (m,) N m | N of the fitted rows."""
+def summary(fit: FrictionFit, basis: Basis) -> dict[str, Any]:
+    """One member as JSON values."""
     values = (*fit.weights.tolist(), *fit.theta.tolist())
     return {
         "name": fit.name,
         "words": fit.member.words,
         "count": fit.member.size,
-        "force_residual_percent": 100.0 * math.sqrt(fit.residual_square) / float(np.linalg.norm(force)),
+        "force_residual_percent": 100.0
+        * math.sqrt(fit.residual_square)
+        / float(np.linalg.norm(basis.data.force(fit.delay))),
+        "delay": fit.delay,
         "values": dict(zip((name for name, _ in names(fit)), values, strict=True)),
     }
 
 
 def held_out(fit: FrictionFit, basis: Basis) -> dict[str, float]:
     """Residual in percent of rows that a second fit did not use: the later half, and the fastest rows."""
-    force = basis.force
-    speed = np.abs(np.concatenate([capture.fixed[:, 1] for capture in basis.data]))
-    half = np.concatenate([np.arange(len(capture.force)) < len(capture.force) // 2 for capture in basis.data])
+    speed = np.abs(np.concatenate([capture.fixed[:, 1] for capture in basis.data.captures]))
+    rows = [len(capture.fixed) for capture in basis.data.captures]
+    half = np.concatenate([np.arange(count) < count // 2 for count in rows])
     residuals = {}
-    for name, used in (("later_half", half), ("fastest", speed < thresholds.FASTEST_ROWS * basis.scale.fastest)):
-        again = fitted(fit.name, basis.data, basis.scale, used, fit.theta)
+    for name, used in (("later_half", half), ("fastest", speed < thresholds.FASTEST_ROWS * basis.data.scale.fastest)):
+        again = fitted(fit.name, basis.data, used, fit)
+        force = basis.data.force(again.delay)
         error = (force - fitted_force(again, basis.data))[~used]
         residuals[name] = (
             100.0 * float(np.linalg.norm(error) / np.linalg.norm(force[~used])) if len(error) else math.nan

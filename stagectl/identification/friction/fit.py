@@ -1,8 +1,9 @@
 """One member of the friction family fitted to captures: linear in its weights, searched in the rest.
 
 Force, acceleration, velocity and every friction column pass one filter (`filtering`).  For given theta the weights
-follow from non-negative least squares; theta from a bounded search over the remaining residual (variable projection,
-G. Golub, V. Pereyra, SIAM J. Numerical Analysis 10(2), 1973), begun at the best point of a grid.
+follow from non-negative least squares; theta and the member's own delay from a bounded search over the remaining
+residual (variable projection, G. Golub, V. Pereyra, SIAM J. Numerical Analysis 10(2), 1973), begun at the best point of
+a grid.  A delay that one law finds is not that of another: it takes up what the law does not explain.
 """
 
 from __future__ import annotations
@@ -14,13 +15,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
+from scipy.interpolate import CubicSpline
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
 from stagectl.identification.filtering import FilterDesign, decimated, design_filter, filtered_motion
 from stagectl.identification.friction.members import FAMILY, LENGTH, SPEED, Member, Path, Searched
 from stagectl.identification.least_squares.regression import check_directions
+from stagectl.identification.simultaneous.model import DelayPrior
 from stagectl.kernels import stage
 
 
@@ -30,8 +33,7 @@ class FilteredCapture(NamedTuple):
     path: Path
     design: FilterDesign
     fixed: Array  # (m, 3) acceleration, velocity, and one, which the filter changes a little, too
-    force: Array  # (m,) N m | N
-    rate: Array  # (m,) N m/s | N/s, of the force
+    forces: CubicSpline  # delay (s) -> (m,) N m | N
 
 
 class Scale(NamedTuple):
@@ -58,6 +60,7 @@ class FrictionFit(NamedTuple):
     residual: Array  # (m,) N m | N
     regressor: Array  # (m, k), columns of the weights
     bounds: list[tuple[float, float]]
+    delay: float = 0.0  # s, by which the force follows the current
 
     @property
     def member(self) -> Member:
@@ -70,53 +73,97 @@ class FrictionFit(NamedTuple):
         return float(self.residual @ self.residual)
 
 
-def prepared(captures: Sequence[Capture], file: StageFile) -> tuple[list[FilteredCapture], Scale]:
-    """The captures filtered, and the scale of their motion.
+def prepared(captures: Sequence[Capture], file: StageFile, delay: DelayPrior) -> tuple[list[FilteredCapture], Scale]:
+    """The captures filtered, with their force at the delays that are looked at, and the scale of their motion.
 
-    Raises IdentificationError where one is too short for the filter or goes one way only.
+    Raises IdentificationError where one is too short for the filter, or all go one way only.
     """
-    data, steps, speeds = [], [], []
+    data, steps, velocities = [], [], []
     for capture in captures:
         try:
             design = design_filter(capture.position, capture.dt)
             motion = filtered_motion(capture.position, design)
-            check_directions(motion.velocity)
         except IdentificationError as error:
             raise error.within(capture.name) from error
-        force, ones = file.motor.force_constant * capture.current, np.ones(len(capture.position))
-        both = [force, np.gradient(force, capture.dt)]
-        thin = decimated(np.column_stack([motion.acceleration, motion.velocity, ones, *both]), design)
-        data.append(FilteredCapture(Path(motion.position, capture.dt), design, thin[:, :3], thin[:, 3], thin[:, 4]))
+        fixed = np.column_stack([motion.acceleration, motion.velocity, np.ones(len(capture.position))])
+        forces = delayed_forces(capture, design, file.motor.force_constant, delay)
+        data.append(FilteredCapture(Path(motion.position, capture.dt), design, decimated(fixed, design), forces))
         steps.append(capture.encoder_step or _resolution(capture.position))
-        speeds.append(float(np.abs(motion.velocity).max()))
+        velocities.append(motion.velocity)
+    velocity = np.concatenate(velocities)
+    try:
+        check_directions(velocity)
+    except IdentificationError as error:
+        raise error.within(", ".join(capture.name for capture in captures)) from error
     stroke = max(float(np.ptp(capture.position)) for capture in captures)
-    return data, Scale(max(steps), stroke, max(speeds))
+    return data, Scale(max(steps), stroke, float(np.abs(velocity).max()))
+
+
+def delayed_forces(capture: Capture, design: FilterDesign, gain: float, delay: DelayPrior) -> CubicSpline:
+    """The filtered force (m,) at any delay (s) near the given one, or as far as its prior reaches.
+
+    Raises IdentificationError where a delay is longer than what the filter cuts off at the ends.
+    """
+    nodes = delay.nodes if delay.deviation else delay.mean + thresholds.DELAY_STEP * np.arange(-2.0, 3.0)
+    longest = design.edge * capture.dt
+    if abs(delay.mean) > longest:
+        raise IdentificationError(
+            f"{capture.name}: delay = {1e3 * delay.mean:.4g} ms; must be within ±{1e3 * longest:.4g} ms, which the "
+            "filter cuts off at each end",
+            Refusal.UNKNOWN_OPTION,
+            capture=capture.name,
+            value=delay.mean,
+            unit="s",
+            admissible=f"[{-longest:g}, {longest:g}]",
+        )
+    current = CubicSpline(capture.time, gain * capture.current)
+    late = np.clip(capture.time[:, None] - nodes, 0.0, capture.time[-1])
+    return CubicSpline(nodes, decimated(current(late), design), axis=1)
+
+
+class Data(NamedTuple):
+    """Rows that a member is fitted to."""
+
+    captures: Sequence[FilteredCapture]
+    scale: Scale
+    delay: DelayPrior
+
+    def force(self, delay: float) -> Array:
+        """Force (m,) N m | N of all captures at this delay (s)."""
+        return np.concatenate([capture.forces(delay) for capture in self.captures])
+
+    def rate(self, delay: float) -> Array:
+        """Change of the force (m,) with time, N m/s | N/s."""
+        return -np.concatenate([capture.forces(delay, 1) for capture in self.captures])
 
 
 def fitted(
-    name: str,
-    data: Sequence[FilteredCapture],
-    scale: Scale,
-    rows: NDArray[np.bool_] | None = None,
-    near: Array | None = None,
+    name: str, data: Data, rows: NDArray[np.bool_] | None = None, near: FrictionFit | None = None
 ) -> FrictionFit:
-    """The member `name` fitted to `rows` (m,) of `data`, all if None; searched from the grid, or from `near`."""
-    member = FAMILY[name]
-    bounds = [scale.bounds(searched) for searched in member.searched]
-    low, high = np.log(np.array(bounds).reshape(-1, 2)).T
+    """The member `name` and its own delay, fitted to `rows` (m,), all if None; from a grid, or from a fit that is near.
 
-    def residual_of(logs: Array) -> Array:
-        return _solved(member, data, np.exp(logs), rows)[1]
+    The last of what is searched for is the delay, in deviations of its prior, unless it is given.
+    """
+    member, delay = FAMILY[name], data.delay
+    bounds = [data.scale.bounds(searched) for searched in member.searched]
+    span = [[-thresholds.DELAY_SPAN, thresholds.DELAY_SPAN]] if delay.deviation else []
+    low, high = np.vstack([np.log(np.array(bounds).reshape(-1, 2)), np.array(span).reshape(-1, 2)]).T
+    count = len(bounds)
 
-    start = np.log(near) if near is not None else _grid(residual_of, low, high)
-    if len(low):
-        inner = 1e-6 * (high - low)
-        start = np.clip(start, low + inner, high - inner)
-        evaluations = thresholds.SEARCH_STEPS if near is None else thresholds.REFIT_STEPS
-        steps = [thresholds.SEARCH_DERIVATIVE] * len(low)
-        start = optimize.least_squares(residual_of, start, bounds=(low, high), diff_step=steps, max_nfev=evaluations).x
-    weights, residual, regressor = _solved(member, data, np.exp(start), rows)
-    return FrictionFit(name, weights, np.exp(start), residual, regressor, bounds)
+    def late(u: Array) -> float:
+        return delay.mean + delay.deviation * float(u[count:].sum())
+
+    def residual_of(u: Array) -> Array:
+        return _solved(member, data, np.exp(u[:count]), late(u), rows)[1]
+
+    if near is not None:
+        shift = [(near.delay - delay.mean) / delay.deviation] if delay.deviation else []
+        starts, evaluations = [np.append(np.log(near.theta), shift)], thresholds.REFIT_STEPS
+    else:
+        starts, evaluations = _grid(residual_of, low, high, count), thresholds.SEARCH_STEPS * (1 + len(span))
+    start = _searched(residual_of, starts, (low, high), evaluations) if len(low) else starts[0]
+    weights, residual, regressor = _solved(member, data, np.exp(start[:count]), late(start), rows)
+    return FrictionFit(name, weights, np.exp(start[:count]), residual, regressor, bounds, late(start))
 
 
 def plant(fit: FrictionFit, file: StageFile, slip: float) -> stage.Stage:
@@ -132,20 +179,41 @@ def plant(fit: FrictionFit, file: StageFile, slip: float) -> stage.Stage:
     )
 
 
-def _grid(residual_of: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """The best point of a grid within the bounds."""
-    count = thresholds.SEARCH_GRID[len(low)]
-    shares = (np.arange(count) + 0.5) / count
-    points = [low + np.array(point) * (high - low) for point in itertools.product(shares, repeat=len(low))]
-    return min(points, key=lambda point: float(np.sum(residual_of(point) ** 2))) if len(low) else low
+def _searched(
+    residual_of: Callable[[Array], Array], starts: list[Array], edges: tuple[Array, Array], evaluations: int
+) -> Array:
+    """The best of the searches from all `starts` within the edges."""
+    low, high = edges
+    inner = 1e-6 * (high - low)
+    steps = [thresholds.SEARCH_DERIVATIVE] * len(low)
+    found = [
+        optimize.least_squares(
+            residual_of, np.clip(start, low + inner, high - inner), bounds=edges, diff_step=steps, max_nfev=evaluations
+        )
+        for start in starts
+    ]
+    return np.asarray(min(found, key=lambda fit: float(fit.cost)).x)
+
+
+def _grid(residual_of: Callable[[Array], Array], low: Array, high: Array, searched: int) -> list[Array]:
+    """The best points of a grid over the first `searched` within the bounds, the others in their middle."""
+    count = thresholds.SEARCH_GRID[searched]
+    shares, middle = (np.arange(count) + 0.5) / count, [0.5] * (len(low) - searched)
+    grid = itertools.product(shares, repeat=searched)
+    points = [low + np.array([*point, *middle]) * (high - low) for point in grid]
+    if len(points) == 1:
+        return points
+    return sorted(points, key=lambda point: float(np.sum(residual_of(point) ** 2)))[
+        : thresholds.SEARCH_STARTS if middle else 1
+    ]
 
 
 def _solved(
-    member: Member, data: Sequence[FilteredCapture], theta: Array, rows: NDArray[np.bool_] | None
+    member: Member, data: Data, theta: Array, delay: float, rows: NDArray[np.bool_] | None
 ) -> tuple[Array, Array, Array]:
     """Weights by non-negative least squares, the residual (m,) of the chosen rows, and their regressor (m, k)."""
-    regressor = np.vstack([_columns(member, capture, theta) for capture in data])
-    force = np.concatenate([capture.force for capture in data])
+    regressor = np.vstack([_columns(member, capture, theta) for capture in data.captures])
+    force = data.force(delay)
     if rows is not None:
         regressor, force = regressor[rows], force[rows]
     length = np.linalg.norm(regressor, axis=0)
@@ -156,12 +224,12 @@ def _solved(
     return weights, force - regressor @ weights, regressor
 
 
-def fitted_force(fit: FrictionFit, data: Sequence[FilteredCapture]) -> Array:
+def fitted_force(fit: FrictionFit, data: Data) -> Array:
     """Force (m,) N m | N of the model on all rows."""
-    return np.vstack([_columns(fit.member, capture, fit.theta) for capture in data]) @ fit.weights
+    return np.vstack([_columns(fit.member, capture, fit.theta) for capture in data.captures]) @ fit.weights
 
 
-def sensitivity(fit: FrictionFit, data: Sequence[FilteredCapture]) -> Array:
+def sensitivity(fit: FrictionFit, data: Data) -> Array:
     """Columns (m, t): how the model's force changes with the logarithm of each searched parameter."""
     columns, step = [], thresholds.SENSITIVITY_STEP
     for number in range(len(fit.theta)):

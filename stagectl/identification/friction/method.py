@@ -14,12 +14,10 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import standard_errors, thresholds
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction import closed_loop, comparison
-from stagectl.identification.friction import delay as delays
 from stagectl.identification.friction.comparison import FIRST, Basis, bic
 from stagectl.identification.friction.fit import (
-    FilteredCapture,
+    Data,
     FrictionFit,
-    Scale,
     fitted,
     plant,
     prepared,
@@ -27,10 +25,13 @@ from stagectl.identification.friction.fit import (
 )
 from stagectl.identification.friction.members import FAMILY
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
+from stagectl.identification.simultaneous.estimate import known_delay
+from stagectl.identification.simultaneous.model import DelayPrior
 from stagectl.identification.thresholds import NORMAL_95
 from stagectl.kernels import stage
 from stagectl.units import Quantity
 
+NOTED_CHANGE = 1e-4  # s of delay, whose effect the note gives
 LAW = {"dahl": "dahl", "lugre": "lugre"}  # in a stage file; all others become stop operators
 
 
@@ -42,16 +43,15 @@ def identify(
 ) -> IdentificationResult:
     """All members of the family; the parameters are those of the best by BIC of those that a stage file can hold.
 
-    `delay` (s) between current and position is one for all members (`delay`); it is estimated where it is None.
+    Each member has its own `delay` (s) between current and position where it is None.
     Raises IdentificationError where the captures do not determine inertia and friction.
     """
     basis = _basis(captures, file, delay)
-    force = basis.force
     fits: list[FrictionFit] = []
     rows: list[dict[str, Any]] = []
     for number, name in enumerate(FAMILY):
-        fits.append(fitted(name, basis.data, basis.scale))
-        row = comparison.summary(fits[-1], force)
+        fits.append(fitted(name, basis.data))
+        row = comparison.summary(fits[-1], basis)
         rows.append({**row, "held_out": comparison.held_out(fits[-1], basis), **comparison.simulated(fits[-1], basis)})
         progress(number + 1, len(FAMILY))
     independent = standard_errors.independent(min(fits, key=lambda fit: fit.residual_square).residual)
@@ -62,7 +62,7 @@ def identify(
     result = _result(fits[best], basis)
     details = {**result.details, "chosen": fits[best].name, "models": rows, "independent_rows": independent}
     notes = comparison.notes(rows, best, captures)
-    if "closed_loop" in rows[best] and basis.delay.value:
+    if "closed_loop" in rows[best] and fits[best].delay:
         notes.append(Note(Topic.METHOD, "closed loop: simulated without the delay, which the stage file does not get"))
     if "closed_loop" in rows[best] and any(capture.meta.get("name") == "EMPS" for capture in captures):
         details["published"] = closed_loop.PUBLISHED._asdict()
@@ -72,18 +72,9 @@ def identify(
 
 
 def _basis(captures: list[Capture], file: StageFile, delay: float | None) -> Basis:
-    """The captures with their current shifted to its force."""
-
-    def at(value: float) -> tuple[list[FilteredCapture], Scale]:
-        return prepared([delays.shifted(capture, value) for capture in captures], file)
-
-    def residual_rms(value: float) -> float:
-        residual = fitted(thresholds.DELAY_PROBE, *at(value)).residual
-        return math.sqrt(float(np.mean(residual * residual)))
-
-    plain = at(0.0)
-    used = delays.given(delay) if delay is not None else delays.estimated(captures, file, residual_rms)
-    return Basis(*(at(used.value) if used.value else plain), captures, file, used)
+    """The captures filtered, with what is known of the delay."""
+    known = known_delay(captures, file) if delay is None else DelayPrior(delay, 0.0)
+    return Basis(Data(*prepared(captures, file, known), known), captures, file)
 
 
 def _result(fit: FrictionFit, basis: Basis) -> IdentificationResult:
@@ -109,31 +100,48 @@ def _result(fit: FrictionFit, basis: Basis) -> IdentificationResult:
             notes.append(Note(Topic.PRECISION, text))
     if "coulomb" not in parameters:
         parameters["coulomb"] = _coulomb(fit, covariance, parameters["offset"].unit)
-    if basis.delay.known is not None:
-        parameters["delay"] = basis.delay.known
-    notes.append(delays.note(basis.delay, list(FIRST), fit.weights, per_second))
+    half = NORMAL_95 * math.sqrt(covariance[-1, -1])
+    parameters["delay"] = Parameter.around(fit.delay, half, "s")
+    notes.append(_delay_note(fit, half, per_second))
     return IdentificationResult(
         parameters, details={"model": fit.name}, notes=tuple(notes), changes=_changes(fit, basis)
     )
 
 
 def _covariance(fit: FrictionFit, basis: Basis) -> tuple[Array, Array]:
-    """Covariance (k, k) of weights and logarithms of theta, infinite where they have no effect.
+    """Covariance (k, k) of weights, logarithms of theta and the delay, infinite where they have no effect.
 
-    The second array holds the change of each effective parameter per second of delay.
+    A given delay has a covariance of zero.  The second array holds the change of each of the others that is effective
+    per second of delay.
     """
-    columns = np.column_stack([fit.regressor, sensitivity(fit, basis.data)])
+    rate = basis.data.rate(fit.delay)
+    columns = np.column_stack([fit.regressor, sensitivity(fit, basis.data), rate])
     length = np.linalg.norm(columns, axis=0)
-    effective = length > 1e-9 * float(np.linalg.norm(basis.force))
+    effective = length > 1e-9 * float(np.linalg.norm(basis.data.force(fit.delay)))
     effective[: len(fit.weights)] = length[: len(fit.weights)] > 0.0
+    known = not basis.data.delay.deviation
+    effective[-1] = not known
     unit, size = columns[:, effective] / length[effective], length[effective]
-    inner = standard_errors.covariance(unit, fit.residual)
-    slope = -np.linalg.pinv(unit) @ np.concatenate([capture.rate for capture in basis.data])
-    per_second = slope / size
-    shared = basis.delay.deviation**2 * np.outer(per_second, per_second)
     covariance = np.full((len(length), len(length)), math.inf)
-    covariance[np.ix_(effective, effective)] = inner / np.outer(size, size) + shared
-    return covariance, per_second
+    covariance[np.ix_(effective, effective)] = standard_errors.covariance(unit, fit.residual) / np.outer(size, size)
+    covariance[-1, -1] = 0.0 if known else covariance[-1, -1]
+    others = np.count_nonzero(effective[:-1])
+    return covariance, -np.linalg.pinv(unit[:, :others]) @ rate / size[:others]
+
+
+def _delay_note(fit: FrictionFit, half: float, per_second: Array) -> Note:
+    """The delay, and the effect of 0.1 ms on inertia and viscous friction."""
+    changes = ", ".join(
+        f"{name} by {100.0 * NOTED_CHANGE * abs(slope / value):.2g} %"
+        for name, value, slope in zip(FIRST, fit.weights.tolist(), per_second.tolist(), strict=False)
+        if value
+    )
+    words = (
+        f"{1e3 * fit.delay:.3g} ± {1e3 * half:.2g} ms, of this model" if half else f"{1e3 * fit.delay:.3g} ms, given"
+    )
+    included = "include its uncertainty" if half else "do not include"
+    text = f"delay: {words}; 0.1 ms more or less would change {changes}, which the intervals {included}"
+    return Note(Topic.DELAY, text)
 
 
 def _changes(fit: FrictionFit, basis: Basis) -> dict[str, Any]:

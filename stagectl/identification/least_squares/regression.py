@@ -1,4 +1,4 @@
-"""Moving mass, friction and offset of an axis from one record of its position and force, by least squares.
+"""Moving mass, friction and offset of an axis from records of its position and force, by least squares.
 
 ::
 
@@ -7,7 +7,8 @@
     F = M a + Fv+ v (v > 0) + Fv- v (v < 0) + Fc+ (v > 0) - Fc- (v < 0)                    `directions`
 
 All columns pass one filter (`filtering`), sgn(v) too.  Rows at standstill are left out: there, friction is whatever
-holds the axis.  The intervals allow for a residual that is neither white nor of one size (`standard_errors`).
+holds the axis.  Several records are one regression, so that what one does not excite another may: each counts by the
+size of its residual.  The intervals allow for a residual that is neither white nor of one size (`standard_errors`).
 
 Whether the residual is concentrated after reversals is checked: there, friction builds up over a distance, which
 sgn(v) cannot describe.
@@ -22,6 +23,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +34,7 @@ from stagectl.identification.capture import Array, IdentificationError, Refusal
 from stagectl.identification.filtering import FilterDesign, decimated, design_filter, filtered_motion
 from stagectl.identification.least_squares.model import ALWAYS, Estimate, RegressionModel, reported_estimates
 from stagectl.identification.result import Note, Topic
+from stagectl.number_format import duration
 
 
 class RegressionResult(NamedTuple):
@@ -49,6 +52,25 @@ class RegressionResult(NamedTuple):
     notes: tuple[str, ...]
 
 
+class Rows(NamedTuple):
+    """All records as one regression."""
+
+    regressor: Array  # (m, k)
+    force: Array  # (m,) N m | N
+    weight: Array  # (m,)
+    ends: NDArray[np.int64]  # rows at which one record ends and the next begins
+
+
+class FilteredRecord(NamedTuple):
+    """One record as rows of the regression."""
+
+    regressor: Array  # (m, k)
+    force: Array  # (m,) N m | N
+    share: Array  # (m,) of the way since the last reversal, see `travelled`
+    velocity: Array  # (n,) of all rows
+    notes: list[str]
+
+
 def least_squares(
     position: Array,
     force: Array,
@@ -57,20 +79,50 @@ def least_squares(
 ) -> RegressionResult:
     """Parameters of `force` (n,) N m | N that moves `position` (n,) rad | m, a row every `dt` (s).
 
-    Raises IdentificationError where the record is too short for the filter, or the motion does not separate the
-    parameters.
+    Raises as `filtered` and `solved` do.
+    """
+    return solved([filtered(position, force, dt, model)], model)
+
+
+def filtered(position: Array, force: Array, dt: float, model: RegressionModel) -> FilteredRecord:
+    """The rows of one record.
+
+    Raises IdentificationError where it is too short for the filter.
     """
     design = design_filter(position, dt)
     motion = filtered_motion(position, design)
-    check_directions(motion.velocity)
     columns = decimated(np.column_stack([model.columns(motion), force]), design)
     rows = slice(design.edge, len(position) - design.edge, design.decimate)
     moving = ~_standing(motion.velocity, design)[rows][: len(columns)]
-    regressor, forces = columns[moving, :-1], columns[moving, -1]
-    result = _solved(regressor, forces, model, _treatment(design, 1.0 - float(np.mean(moving))))
-    share = travelled(motion.position, motion.velocity)[rows][: len(columns)][moving]
-    doubt = after_reversals(forces - regressor @ result.solution[0], share, result.coulomb.value)
-    return result._replace(notes=(*result.notes, doubt)) if doubt else result
+    share = travelled(motion.position, motion.velocity)[rows][: len(columns)]
+    notes = _treatment(design, 1.0 - float(np.mean(moving)))
+    return FilteredRecord(columns[moving, :-1], columns[moving, -1], share[moving], motion.velocity, notes)
+
+
+def solved(records: Sequence[FilteredRecord], model: RegressionModel) -> RegressionResult:
+    """The parameters of all `records` together.
+
+    Raises IdentificationError where the motions do not separate them.
+    """
+    check_directions(np.concatenate([record.velocity for record in records]))
+    regressor = np.vstack([record.regressor for record in records])
+    force = np.concatenate([record.force for record in records])
+    ends = np.cumsum([len(record.force) for record in records])[:-1]
+    weight = _weight(regressor, force, ends) if len(records) > 1 else np.ones(len(force))
+    result = _solved(Rows(regressor, force, weight, ends), model)
+    share = np.concatenate([record.share for record in records])
+    doubt = after_reversals(force - regressor @ result.solution[0], share, result.coulomb.value)
+    notes = dict.fromkeys(note for record in records for note in record.notes)  # each once
+    return result._replace(notes=(*notes, doubt) if doubt else tuple(notes))
+
+
+def _weight(regressor: Array, force: Array, ends: NDArray[np.int64]) -> Array:
+    """Weight (m,) of each row: one over the rms of its record's residual, that of the best record being 1."""
+    size = np.linalg.norm(regressor, axis=0) + 1e-300
+    solution, *_ = np.linalg.lstsq(regressor / size, force, rcond=None)
+    parts = np.split(force - regressor / size @ solution, ends)
+    rms = np.concatenate([np.full(len(part), np.sqrt(np.mean(part * part)) + 1e-300) for part in parts])
+    return np.asarray(rms.min() / rms, dtype=np.float64)
 
 
 def _standing(velocity: Array, design: FilterDesign) -> NDArray[np.bool_]:
@@ -113,7 +165,8 @@ def after_reversals(residual: Array, share: Array, coulomb: float) -> str:
         Topic.AFTER_REVERSALS,
         f"in the first tenth of the way after each reversal the residual's rms is {times} that of the rest: friction "
         "builds up over a distance there, which sgn(v) cannot describe. Inertia, viscous and Coulomb friction are "
-        "biased by more than their intervals show: identify with `simultaneous` instead",
+        "biased by more than their intervals show: identify with `simultaneous` instead, which needs a record sampled "
+        f"every {duration(thresholds.FAST_SAMPLING)} or faster",
     )
 
 
@@ -134,10 +187,10 @@ def _treatment(design: FilterDesign, standing: float) -> list[str]:
     return notes
 
 
-def _solved(regressor: Array, force: Array, model: RegressionModel, notes: list[str]) -> RegressionResult:
+def _solved(rows: Rows, model: RegressionModel) -> RegressionResult:
     """Solve with columns of unit length: neither rounding nor the condition depends on the units."""
-    length = np.linalg.norm(regressor, axis=0)
-    condition = float(np.linalg.cond(regressor / length)) if np.all(length > 0.0) else math.inf
+    length = np.linalg.norm(rows.regressor, axis=0)
+    condition = float(np.linalg.cond(rows.regressor / length)) if np.all(length > 0.0) else math.inf
     if not condition <= thresholds.WORST_CONDITION:
         raise IdentificationError(
             f"condition of the regressor = {condition:.3g}; must lie in [1, {thresholds.WORST_CONDITION:g}]: the "
@@ -146,22 +199,20 @@ def _solved(regressor: Array, force: Array, model: RegressionModel, notes: list[
             value=condition,
             admissible=f"[1, {thresholds.WORST_CONDITION:g}]",
         )
-    unit = regressor / length
+    unit, force = rows.weight[:, None] * rows.regressor / length, rows.weight * rows.force
     scaled, *_ = np.linalg.lstsq(unit, force, rcond=None)
-    residual = force - unit @ scaled
-    values, robust = scaled / length, standard_errors.covariance(unit, residual) / np.outer(length, length)
+    values, residual = scaled / length, force - unit @ scaled
+    robust = standard_errors.covariance(unit, residual, rows.ends) / np.outer(length, length)
     white = standard_errors.white(unit, residual) / np.outer(length, length)
     estimates, correlation = reported_estimates(model, values, robust, white)
-    share = 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(force))
+    share = 100.0 * float(np.linalg.norm(residual / rows.weight) / np.linalg.norm(rows.force))
     inertia, viscous, coulomb, offset = (estimates.pop(name) for name in ALWAYS)
     solution = (values, robust)
-    return RegressionResult(
-        inertia, viscous, coulomb, offset, share, condition, correlation, estimates, solution, tuple(notes)
-    )
+    return RegressionResult(inertia, viscous, coulomb, offset, share, condition, correlation, estimates, solution, ())
 
 
 def check_directions(velocity: Array) -> None:
-    """Check that `velocity` (n,) has both directions: else Coulomb friction and offset are one number.
+    """Check that `velocity` (n,) of all captures has both directions: else Coulomb friction and offset are one number.
 
     Raises IdentificationError where it has not.
     """
@@ -171,7 +222,7 @@ def check_directions(velocity: Array) -> None:
         raise IdentificationError(
             f"share of the samples in the rarer direction = {share:.3g}; must lie in "
             f"[{thresholds.BOTH_DIRECTIONS}, 0.5]: Coulomb friction and offset can only be separated in a motion "
-            "there and back; record one",
+            "there and back; record one, or give captures of both directions together",
             Refusal.ONE_DIRECTION,
             value=share,
             admissible=f"[{thresholds.BOTH_DIRECTIONS}, 0.5]",

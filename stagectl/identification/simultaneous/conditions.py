@@ -85,17 +85,18 @@ def _check_reversals(capture: Capture) -> None:
 def _check_acceleration(capture: Capture, file: StageFile) -> None:
     """The acceleration must not be lost in noise, nor in the window that noise or sampling require."""
     share, span, rows = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt, shortest_knots(capture)
-    if span <= thresholds.LONGEST_WINDOW and share <= thresholds.LOST_ACCELERATION:
+    widest = _widest(capture)
+    if span <= widest and share <= thresholds.LOST_ACCELERATION:
         return
     moved = f"the axis moves by {_travel(float(np.ptp(capture.position)), file)}"
     percent, most = f"{100.0 * share:.2g} %", f"{100.0 * thresholds.LOST_ACCELERATION:.0f} %"
-    longest = f"{1e3 * thresholds.LONGEST_WINDOW:.0f} ms"
+    longest = f"{1e3 * widest:.0f} ms"
     larger = (
         "the motion must go beyond presliding (first condition of the paper), and be fast enough to determine the "
         "inertia: record a larger or faster one"
     )
     reason = Refusal.NOISE
-    if 2.0 * 2.0 * KNOTS * rows * capture.dt > thresholds.LONGEST_WINDOW:
+    if thresholds.LEAST_KNOT_ROWS * rows * capture.dt > thresholds.LONGEST_KNOTS:
         reason = Refusal.SAMPLING
         text = (
             f", sampled every {duration(capture.dt)}; averaged over {1e3 * span:.3g} ms, {2 * KNOTS} sampling times "
@@ -103,10 +104,10 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
             f"{longest}): sampled too slowly to resolve its reversals; sample every "
             f"{duration(thresholds.FAST_SAMPLING)} or faster, or use least-squares"
         )
-    elif span > thresholds.LONGEST_WINDOW:
+    elif span > widest:
         text = (
             f"; its acceleration must be averaged over {1e3 * span:.3g} ms to rise above the noise of the position, "
-            f"and a reversal can be seen with at most {longest}: {larger}"
+            f"and reversals as frequent as its own can be seen with at most {longest}: {larger}"
         )
     else:
         text = (
@@ -115,6 +116,13 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
         )
     limit = f"[0, {thresholds.LOST_ACCELERATION:g}]"
     raise IdentificationError(moved + text, reason, value=share, admissible=limit)
+
+
+def _widest(capture: Capture) -> float:
+    """Longest time (s) over which an acceleration may be averaged: the slower the motion, the longer."""
+    strokes = 1 + reversals(capture.position, thresholds.REVERSAL_TRAVEL * float(np.ptp(capture.position)))
+    stroke = len(capture.position) * capture.dt / strokes
+    return max(thresholds.LONGEST_WINDOW, thresholds.WINDOW_SHARE * stroke)
 
 
 def _check_power(capture: Capture) -> None:

@@ -62,10 +62,8 @@ def estimated(p: Problem, answer: Answer) -> Estimate:
     sums = _sums(p)
     mean, covariance = answer.moments(sums)
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    parameters = {
-        name: Parameter.named(name, p.file.axis.kind, float(value), float(half))
-        for name, value, half in zip(NAMES, mean, halves, strict=True)
-    }
+    named = [*zip(NAMES, mean.tolist(), halves.tolist(), strict=True), *_gravity(p, answer)]
+    parameters = {name: Parameter.named(name, p.file.axis.kind, value, half) for name, value, half in named}
     best = answer.best
     theta, delay = best.known.mean[:, best.best], float(best.delays[best.best])
     residual = p.forces(np.array([delay])).rows[:, 0] - p.columns @ theta
@@ -78,7 +76,7 @@ def _sums(p: Problem) -> Array:
     """(4, m) from all columns to NAMES without the delay."""
     sums = np.zeros((len(NAMES) - 1, len(p.gram)))
     sums[0, ACCELERATION] = sums[1, VELOCITY] = sums[3, ONE] = 1.0
-    for name in ("operators", "bristles"):
+    for name in ("operators", "bristles", "law"):
         sums[2, p.groups[name]] = 1.0
     return sums
 
@@ -95,16 +93,31 @@ def _per_delay(p: Problem, answer: Answer, sums: Array) -> Array:
     return np.append(change, 1.0)
 
 
-def _ripple(p: Problem, answer: Answer) -> float | None:
-    """Amplitude (N m | N) of a ripple once per revolution that is beyond chance."""
-    travel = max(float(np.ptp(rows.capture.position)) for rows in p.parts)
-    if p.file.axis.kind != ROTARY or travel < thresholds.RIPPLE_TRAVEL:
-        return None
+def _once_per_turn(p: Problem, answer: Answer) -> tuple[Array, Array]:
+    """Weights (2,) N m of sine and cosine of the angle, and their covariance (2, 2)."""
     pair = np.zeros((2, len(p.gram)))
-    pair[:, RIPPLE] = np.eye(2)
+    pair[:, RIPPLE.start : RIPPLE.start + 2] = np.eye(2)
     mean, covariance = answer.moments(pair)
-    wald = float(mean[:2] @ np.linalg.solve(covariance[:2, :2], mean[:2]))
-    return math.hypot(*mean[:2]) if wald > thresholds.RIPPLE else None
+    return mean[:2], covariance[:2, :2]
+
+
+def _gravity(p: Problem, answer: Answer) -> list[tuple[str, float, float]]:
+    """Names, values and half intervals (N m) of gravity's terms, where the axis turns in gravity."""
+    if not p.gravity:
+        return []
+    mean, covariance = _once_per_turn(p, answer)
+    halves = thresholds.NORMAL_95 * np.sqrt(np.diag(covariance))
+    return list(zip(("gravity_sine", "gravity_cosine"), mean.tolist(), halves.tolist(), strict=True))
+
+
+def _ripple(p: Problem, answer: Answer) -> float | None:
+    """Amplitude (N m | N) of a ripple once per revolution that is beyond chance; gravity hides it."""
+    travel = max(float(np.ptp(rows.capture.position)) for rows in p.parts)
+    if p.gravity or p.file.axis.kind != ROTARY or travel < thresholds.RIPPLE_TRAVEL:
+        return None
+    mean, covariance = _once_per_turn(p, answer)
+    wald = float(mean @ np.linalg.solve(covariance, mean))
+    return math.hypot(*mean) if wald > thresholds.RIPPLE else None
 
 
 def _prior(p: Problem) -> dict[str, tuple[float, float]]:

@@ -4,8 +4,9 @@
 
     Kt i(t - tau) = J a + D v + b + ripple + sum_k f_k F_k(x) + noise
 
-For a given delay ``tau`` and given scales of the friction's groups everything is linear, with a Gaussian prior: J, D
-from the stage file with their doubt, friction columns (`friction_columns`) of zero mean and the group's scale.  The
+The friction is the law that explains the motion best (`laws`), with its tangent, and dense columns of other laws
+(`friction_columns`) for what that law leaves.  For a given delay ``tau`` and given scales of the dense columns' groups
+everything is linear, with a Gaussian prior: J, D from the stage file with their doubt, dense columns of zero mean.  The
 scales are chosen by evidence, and the answer is the average over delays and scales by their evidence.  So its interval
 holds what the friction law does not settle.
 
@@ -18,8 +19,9 @@ T. Soederstrom, Errors-in-Variables Methods in System Identification, Springer 2
 **Temper.**  Rows are worth less than their number: the window correlates neighbours, and what the columns leave of the
 true law repeats in every stroke.  With a residual of variance ``s^2`` of which the share ``f`` is such an error, n rows
 count as ``n / (c + n f / K)``: no record is worth more than K values per unit of error, however long it is.  ``f`` is
-at least that of an error of form of `FORM_ERROR` of the friction, of a reversal misplaced by an encoder step, and, in
-closed loop, of the noise that the controller answers to: current and acceleration then hold the same noise.
+at least that of an error of form of `FORM_ERROR` of the friction, of a reversal misplaced by an encoder step, and of
+the noise that a controller answers to: current and acceleration then hold the same noise.  Where a capture has neither
+a reference nor an injected current, a controller is taken to have moved the axis.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
+    HALF,
     VELOCITY,
     Part,
     Rows,
@@ -41,6 +42,7 @@ class Shapes(NamedTuple):
     slip: Array  # (j,) rad | m, of the stop operators
     length: Array  # (l,) rad | m, of the bristles
     speed: Array  # (k,) rad/s | m/s, of the Stribeck columns
+    fastest: float  # rad/s | m/s, of the motion
 
     @property
     def graded(self) -> Array:
@@ -77,6 +79,7 @@ def shapes(parts: list[Part], motion: Array) -> Shapes:
         np.geomspace(low, high, thresholds.SLIPS),
         np.geomspace(low, 0.5 * high, thresholds.BRISTLES),
         fastest * np.geomspace(*thresholds.STRIBECK_SPEEDS, thresholds.STRIBECK_COLUMNS),
+        fastest,
     )
 
 
@@ -88,8 +91,14 @@ class Path(NamedTuple):
     dt: float  # s
     rows: Rows
 
+    def head(self, rows: int) -> Path:
+        """Its first `rows`."""
+        places = self.rows._replace(number=min(rows, self.rows.number))
+        end = places.start + (places.number - 1) * places.step + HALF * places.q + 1
+        return self._replace(position=self.position[:end], velocity=self.velocity[:end], rows=places)
+
     def smoothed(self, states: Array, order: int = 0) -> Array:
-        """`states` (n,) filtered as all signals are, or their derivative of this `order`: (rows,)."""
+        """`states` (..., n) filtered as all signals are, or their derivative of this `order`: (..., rows)."""
         return smoothed(states, window(self.rows.q, self.dt, order), self.rows)
 
 
@@ -106,24 +115,39 @@ def path(p: Part, velocity: Array) -> Path:
     return Path(np.ascontiguousarray(x), np.asarray(speed, dtype=np.float64), dt, rows)
 
 
-def columns(p: Part, velocity: Array, s: Shapes) -> Array:
-    """Friction columns (rows, m) of one part, in the order of the groups."""
-    return np.column_stack(list(_columns(path(p, velocity), s)))
+def followed(p: Part, along: Path, acceleration: Array) -> Path:
+    """The path (n,) of a model's `acceleration` (n,) that follows the measured positions below the window's cut-off.
+
+    Between rows, and within an encoder step, the model knows the motion better than the encoder does.
+    """
+    step = round(p.capture.dt / along.dt)
+    model = np.cumsum(np.cumsum(acceleration)) * along.dt**2
+    left = p.capture.position - p.capture.position[0] - model[::step]
+    weights = window(p.q, p.capture.dt)
+    half = len(weights) // 2
+    slow = np.convolve(np.pad(left, half, mode="reflect", reflect_type="odd"), weights, "valid")
+    position = model + (CubicSpline(np.arange(len(slow)), slow)(np.arange(len(model)) / step) if step > 1 else slow)
+    return along._replace(position=position, velocity=np.asarray(np.gradient(position, along.dt)))
+
+
+def columns(p: Path, s: Shapes) -> Array:
+    """Friction columns (rows, m) along one path, in the order of the groups."""
+    return np.column_stack(list(_columns(p, s)))
 
 
 def _columns(p: Path, s: Shapes) -> Iterator[Array]:
     for slip in s.slip:
-        yield p.smoothed(_operator(p.position, slip))
+        yield p.smoothed(operator(p.position, slip))
     for exponent in (1.0, 2.0):
         for length in s.length:
             yield p.smoothed(_bristle(p.position, length, exponent))
     for slip in s.graded:
-        state = _operator(p.position, slip)
+        state = operator(p.position, slip)
         for speed in s.speed:
             yield p.smoothed(state * np.exp(-np.abs(p.velocity) / speed))
     for length in s.length:
         yield _unit(p.smoothed(_bristle(p.position, length, 1.0), 1))
-    state = _operator(p.position, float(s.graded[0]))
+    state = operator(p.position, float(s.graded[0]))
     for speed in s.speed:
         yield _unit(p.smoothed(state * np.exp(-np.abs(p.velocity) / speed), 1))
 
@@ -134,7 +158,7 @@ def _unit(column: Array) -> Array:
     return column / size if size > 0.0 else column
 
 
-def _operator(x: Array, slip: float) -> Array:
+def operator(x: Array, slip: float) -> Array:
     """State (n,) of one stop operator along `x` (n,), from rest."""
     states = np.zeros((1, len(x)))
     led = np.concatenate([x[:1], x[:1], x, x[-1:]])

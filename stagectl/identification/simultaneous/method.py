@@ -37,6 +37,7 @@ from stagectl.identification.simultaneous.regressors import (
     part,
     thinned,
 )
+from stagectl.units import ROTARY
 
 
 def identify(
@@ -44,16 +45,26 @@ def identify(
     file: StageFile,
     delay: float | None = None,
     progress: Progress = lambda done, total: None,
+    gravity: bool = False,
 ) -> IdentificationResult:
     """Parameters of `file`'s axis from all `captures` together; `delay` (s) is fitted where it is None.
 
     `delay` is the time by which the force follows the capture's current column, less that by which the position is
-    late; it may be negative.  Raises IdentificationError where no capture meets the paper's two conditions.
+    late; it may be negative.  `gravity` adds terms in the sine and cosine of the angle.  Raises IdentificationError
+    where no capture meets the paper's two conditions, or a linear axis is to have gravity in its angle.
     """
+    if gravity and file.axis.kind != ROTARY:
+        raise IdentificationError(
+            f"--gravity is in the angle of a rotary axis, {file.name} is {file.axis.kind}: there gravity is the "
+            "offset; leave it out",
+            Refusal.UNKNOWN_OPTION,
+            value=file.axis.kind,
+            admissible=ROTARY,
+        )
     used, left_out = accepted(captures, lambda capture: conditions.checked(capture, file))
     progress(1, 5)
     known = known_delay(used, file) if delay is None else DelayPrior(delay, 0.0)
-    rows = problem(_parts(used, known), file, known)
+    rows = problem(_parts(used, known), file, known, gravity)
     progress(3, 5)
     fitted = estimated(rows, answered(rows))
     progress(4, 5)
@@ -125,6 +136,8 @@ def _details(p: Estimate) -> dict[str, Any]:
     return {
         "force_residual_percent": 100.0 * float(np.linalg.norm(p.residual) / np.linalg.norm(force)),
         "rows": len(force),
+        "laws": [(law.name, law.criterion - p.problem.laws[0].criterion) for law in p.problem.laws],
+        "scales": p.answer.best.scales,
         "worth_rows": len(force) / p.answer.worth,
         "form_share": p.answer.form_share,
         "captures": [rows.capture.name for rows in p.problem.parts],

@@ -5,24 +5,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from stagectl import gaussian_evidence as gaussian
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous import friction_columns
+from stagectl.identification.simultaneous import friction_columns, laws
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,
-    ONE,
     RIPPLE,
     VELOCITY,
     Part,
+    coarse,
     currents,
     motion,
+    ripple_shares,
 )
 from stagectl.units import ROTARY
 
@@ -65,11 +68,13 @@ class Problem(NamedTuple):
 
     parts: list[Part]
     shapes: friction_columns.Shapes
-    columns: Array  # (rows, m)
+    columns: Array  # (rows, m): free, dense friction columns, the law's own, and its tangent
+    laws: list[laws.Refined]  # the best first: its columns are among them
     gram: Array  # (m, m)
     coulomb: float  # N m | N, about
     file: StageFile
     delay: DelayPrior
+    gravity: bool = False  # the axis turns in gravity: sine and cosine of its angle
     acceleration_noise: float = 0.0  # sum of squares that `gram` lacks
     moved_share: float = 0.0  # of the residual's noise that lies in the acceleration
 
@@ -77,7 +82,11 @@ class Problem(NamedTuple):
     def groups(self) -> dict[str, slice]:
         """Places of the groups in all columns."""
         friction = {name: slice(FREE + place.start, FREE + place.stop) for name, place in self.shapes.groups.items()}
-        return {"ripple": RIPPLE, **friction}
+        first = FREE + self.shapes.groups["lag"].stop
+        last = first + len(self.laws[0].weights)
+        forces = first + laws.LAWS[self.laws[0].name].forces(self.shapes)
+        own = {"law": slice(first, forces), "damping": slice(forces, last), "tangent": slice(last, len(self.gram))}
+        return {"ripple": RIPPLE, **friction, **own}
 
     def forces(self, delays: Array) -> Forces:
         """Left sides at these delays (k,) s."""
@@ -92,39 +101,108 @@ class Problem(NamedTuple):
     def prior(self, scales: Scales) -> gaussian.Prior:
         """Of all columns, with these scales of the groups."""
         mean, deviation = np.zeros(len(self.gram)), np.full(len(self.gram), self.coulomb)
-        if self.file.axis.kind != ROTARY:
-            scales = (0.0, *scales[1:])
         mechanical = [ACCELERATION, VELOCITY]
         mean[mechanical], deviation[mechanical] = mechanics(self.file)
         for name, scale in zip(GROUPS, scales, strict=True):
             deviation[self.groups[name]] = max(scale, thresholds.NO_SCALE) * self.coulomb
-        operators = self.groups["operators"]
-        mean[operators] = self.coulomb / (operators.stop - operators.start)
+        deviation[RIPPLE] = self.coulomb * _ripples(self.parts, self.file, scales[0], self.gravity)
+        law, damping = self.groups["law"], self.groups["damping"]
+        own = slice(law.start, damping.stop)
+        mean[own], deviation[own] = laws.prior(law.stop - law.start, own.stop - own.start, self.coulomb)
+        deviation[self.groups["tangent"]] = thresholds.TANGENT
         return gaussian.independent(mean, deviation)
 
 
-def problem(parts: list[Part], file: StageFile, delay: DelayPrior) -> Problem:
-    """Columns of all `parts`."""
+class Motion(NamedTuple):
+    """All captures along their paths."""
+
+    parts: list[Part]
+    paths: list[friction_columns.Path]
+    free: list[Array]  # (rows, FREE) of each
+    shapes: friction_columns.Shapes
+    gravity: bool
+
+
+def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool = False) -> Problem:
+    """Columns of all `parts`, with the best law refined and the paths drawn by its model."""
     free = [motion(p) for p in parts]
     shapes = friction_columns.shapes(parts, np.vstack(free))
-    matrix = np.vstack(
+    paths = [friction_columns.path(p, rows[:, VELOCITY]) for p, rows in zip(parts, free, strict=True)]
+    seen = Motion(parts, paths, free, shapes, gravity)
+    coulomb = _coulomb(seen, file, delay)
+    ranked = laws.refined(_setting(seen, coulomb, file, delay))
+    seen = seen._replace(paths=[_followed(p, x, ranked[0], seen, file) for p, x in zip(parts, paths, strict=True)])
+    ranked = laws.refined_again(_setting(seen, coulomb, file, delay), ranked)
+    law, best = laws.LAWS[ranked[0].name], ranked[0]
+    matrix = np.column_stack(
         [
-            np.column_stack([rows, friction_columns.columns(p, rows[:, VELOCITY], shapes)])
-            for p, rows in zip(parts, free, strict=True)
+            np.vstack(free),
+            np.vstack([friction_columns.columns(x, shapes) for x in seen.paths]),
+            laws.columns(law, seen.paths, best.theta.tolist(), shapes),
+            laws.tangent(law, best, seen.paths, shapes),
         ]
     )
-    force = file.motor.force_constant * currents(parts, np.array([delay.mean]))[:, 0]
-    return Problem(parts, shapes, matrix, matrix.T @ matrix, _coulomb(matrix, force, shapes, file), file, delay)
+    return Problem(parts, shapes, matrix, ranked, matrix.T @ matrix, coulomb, file, delay, gravity)
 
 
-def _coulomb(matrix: Array, force: Array, shapes: friction_columns.Shapes, file: StageFile) -> float:
+def _followed(
+    p: Part, along: friction_columns.Path, law: laws.Refined, seen: Motion, file: StageFile
+) -> friction_columns.Path:
+    """The path of the best law's model, where the measured one is too coarse."""
+    if not coarse(p):
+        return along
+    time = np.clip(along.dt * np.arange(len(along.position)) - law.delay, 0.0, p.capture.time[-1])
+    effort = file.motor.force_constant * CubicSpline(p.capture.time, p.capture.current)(time)
+    return friction_columns.followed(p, along, laws.acceleration(law, along, effort, seen.shapes))
+
+
+def _setting(seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior) -> laws.Setting:
+    """What the laws are refined on: the first rows of every capture."""
+    most = max(1, thresholds.LAW_ROWS // len(seen.parts))
+    heads = [p._replace(places=p.places._replace(number=min(most, p.rows))) for p in seen.parts]
+    free = np.vstack([rows[:most] for rows in seen.free])
+    (inertia, viscous), (loose, tight) = mechanics(file)
+    ripple = _ripples(heads, file, thresholds.FRICTION_SCALES[0][-1], seen.gravity)
+    return laws.Setting(
+        [x.head(most) for x in seen.paths],
+        seen.shapes,
+        free,
+        free.T @ free,
+        _forces(heads, file, delay),
+        np.r_[inertia, viscous, np.zeros(FREE - 2)],
+        np.r_[loose, tight, coulomb, coulomb * ripple],
+        coulomb,
+        (delay.mean, delay.deviation),
+    )
+
+
+def _ripples(parts: list[Part], file: StageFile, scale: float, gravity: bool) -> Array:
+    """Standard deviations (RIPPLE,) of the ripple's columns in Coulomb frictions; gravity is once a revolution, too."""
+    deviation = np.maximum(scale * ripple_shares(parts) * (file.axis.kind == ROTARY), thresholds.NO_SCALE)
+    deviation[:2] = thresholds.GRAVITY if gravity else deviation[:2]
+    return np.asarray(deviation, dtype=np.float64)
+
+
+def _forces(parts: list[Part], file: StageFile, delay: DelayPrior) -> Callable[[float], Array]:
+    """The left side at any delay."""
+    nodes = file.motor.force_constant * currents(parts, delay.nodes)
+    return CubicSpline(delay.nodes, nodes, axis=1) if delay.deviation else lambda late: nodes[:, 0]
+
+
+def _coulomb(seen: Motion, file: StageFile, delay: DelayPrior) -> float:
     """About the Coulomb friction: one operator next to the stage file's mechanics with their doubt."""
-    some = matrix[:, [ACCELERATION, VELOCITY, ONE, FREE + len(shapes.slip) // 2]]
+    slip = float(seen.shapes.slip[len(seen.shapes.slip) // 2])
+    state = np.concatenate([x.smoothed(friction_columns.operator(x.position, slip)) for x in seen.paths])
+    last = RIPPLE.start + 2 * seen.gravity
+    some = np.column_stack([np.vstack(seen.free)[:, :last], state])
+    force = file.motor.force_constant * currents(seen.parts, np.array([delay.mean]))[:, 0]
     rms = float(np.sqrt(np.mean(force * force)))
     power = 1.0 / (thresholds.WINDOW_CORRELATION * (thresholds.ROUGH_RESIDUAL * rms) ** 2)
     sums = gaussian.Sums(power * some.T @ some, power * some.T @ force, power * float(force @ force))
     (inertia, viscous), (loose, tight) = mechanics(file)
-    prior = gaussian.independent(np.array([inertia, viscous, 0.0, 0.0]), np.array([loose, tight, rms, rms]))
+    mean, deviation = np.zeros(last + 1), np.full(last + 1, rms)
+    mean[[ACCELERATION, VELOCITY]], deviation[[ACCELERATION, VELOCITY]] = (inertia, viscous), (loose, tight)
+    prior = gaussian.independent(mean, deviation)
     return max(abs(float(gaussian.posterior(sums, prior).mean[-1])), thresholds.LEAST_FRICTION * rms)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from stagectl.identification import thresholds
 from stagectl.identification.result import Note, Topic
+from stagectl.identification.simultaneous import laws
 from stagectl.identification.simultaneous.estimate import NAMES, Estimate
 from stagectl.identification.simultaneous.regressors import controlled
 from stagectl.number_format import duration
@@ -53,10 +54,12 @@ def _prior(p: Estimate) -> Iterator[Note]:
 
 
 def _form(p: Estimate) -> Iterator[Note]:
+    best, *rivals = p.problem.laws
+    behind = ", ".join(f"{laws.LAWS[law.name].words} {0.5 * (law.criterion - best.criterion):.3g}" for law in rivals)
     text = (
-        "friction: an average over laws (Maxwell slip, Dahl, bristles with a Stribeck curve); "
-        f"{100.0 * p.answer.form_share:.2g} % of the residual's variance is taken for an error of their form, which "
-        "the intervals include"
+        f"friction: {laws.LAWS[best.name].words} explains it best (log evidence less than that: {behind}), with what "
+        f"dense columns of other laws add; {100.0 * p.answer.form_share:.2g} % of the residual's variance is taken "
+        "for an error of form, which the intervals include"
     )
     yield Note(Topic.METHOD, text)
 
@@ -110,13 +113,15 @@ def _delay(p: Estimate) -> Iterator[Note]:
         f"delay: {1e3 * value:.3g} ± {1e3 * half:.2g} ms, from {current} to the position; it holds for that column "
         f"only{negative}",
     )
-    if any(part.capture.reference is None for part in p.problem.parts):
+    moved = [part.capture for part in p.problem.parts if controlled(part.capture)]
+    if any(capture.reference is None for capture in moved):
         text = (
-            "reference: missing in at least one capture; if a controller moved the axis there, its response to the "
-            "position's noise shifts delay and inertia together: record the reference, or give --delay"
+            "reference: missing in at least one capture, and nothing else says what moved the axis there; a "
+            "controller shifts delay and inertia together by its answer to noise, which the intervals allow for: "
+            "record the reference or the injected current, or give --delay"
         )
         yield Note(Topic.REFERENCE, text)
-    elif any(controlled(part.capture) for part in p.problem.parts):
+    elif moved:
         text = (
             "reference: a controller moved the axis; its answer to noise is in current and acceleration alike, and "
             "counts as an error that the intervals include"
@@ -166,7 +171,7 @@ def _imprecise(p: Estimate) -> Iterator[Note]:
 
 def _ripple(p: Estimate) -> Iterator[Note]:
     travel = max(float(part.capture.position.max() - part.capture.position.min()) for part in p.problem.parts)
-    if p.file.axis.kind != ROTARY or travel < thresholds.RIPPLE_TRAVEL:
+    if p.problem.gravity or p.file.axis.kind != ROTARY or travel < thresholds.RIPPLE_TRAVEL:
         return
     turns = travel / (2.0 * math.pi)
     if p.ripple is None:

@@ -36,8 +36,8 @@ from stagectl.identification.capture import Array, Capture
 KNOTS = 3  # knot distances to either side
 HALF = KNOTS + 1  # the same with room for a shift by a fraction of a sample
 ACCELERATION, VELOCITY, ONE = 0, 1, 2
-RIPPLE = slice(3, 5)
-FREE = 5  # columns before those of the friction
+FREE = 3 + 2 * thresholds.RIPPLE_ORDERS  # columns before those of the friction
+RIPPLE = slice(3, FREE)  # sine and cosine of one, two, ... periods a revolution
 
 
 def window(q: int, dt: float, order: int = 0, shift: float = 0.0) -> Array:
@@ -156,10 +156,25 @@ def motion(p: Part) -> Array:
             smoothed(x, window(p.q, dt, 2), p.places),
             smoothed(x, window(p.q, dt, 1), p.places),
             np.ones(p.rows),
-            smoothed(np.sin(p.capture.position), smooth, p.places),
-            smoothed(np.cos(p.capture.position), smooth, p.places),
+            *(
+                smoothed(wave(order * p.capture.position), smooth, p.places)
+                for order in range(1, thresholds.RIPPLE_ORDERS + 1)
+                for wave in (np.sin, np.cos)
+            ),
         ]
     )
+
+
+def ripple_shares(parts: list[Part]) -> Array:
+    """Scale of each ripple column, relative to that of once per revolution: (RIPPLE,).
+
+    An order of which the motion sees less than `RIPPLE_PERIODS` periods would take up anything that changes with the
+    position, the inertia of a sine's turning points above all; it is left out.
+    """
+    turns = max(float(np.ptp(p.capture.position)) for p in parts) / (2.0 * math.pi)
+    orders = np.repeat(np.arange(1, thresholds.RIPPLE_ORDERS + 1), 2)
+    seen = np.where(orders * turns >= thresholds.RIPPLE_PERIODS, thresholds.HIGHER_RIPPLE, 0.0)
+    return np.where(orders == 1, 1.0, seen)
 
 
 def track(p: Part) -> Array:
@@ -168,12 +183,22 @@ def track(p: Part) -> Array:
     Without it rounding alone would move the law to and fro at standstill and around a reversal.
     """
     x = p.capture.position - p.capture.position[0]
-    q = min(round(0.5 * step_time(p) / p.capture.dt), p.q)
+    q = _steps_seen(p)
     if q:
         weights = window(q, p.capture.dt)
         half = len(weights) // 2
         x = np.convolve(np.pad(x, half, mode="edge"), weights, "valid")
     return _lightly_smoothed(x)
+
+
+def _steps_seen(p: Part) -> int:
+    """Samples over which a path is smoothed because the encoder's steps are seen at its reversals; 0: they are not."""
+    return min(round(0.5 * step_time(p) / p.capture.dt), p.q)
+
+
+def coarse(p: Part) -> bool:
+    """Whether rows or encoder are too coarse for a friction law to follow the measured path."""
+    return p.capture.dt > thresholds.PATH_STEP or _steps_seen(p) > 0
 
 
 def step_time(p: Part) -> float:
@@ -212,5 +237,7 @@ def current_noise(parts: list[Part]) -> float:
 
 
 def controlled(capture: Capture) -> bool:
-    """Whether a controller made the position follow a reference."""
-    return capture.reference is not None and float(np.ptp(capture.reference)) > 0.0
+    """Whether a controller may have moved the axis: it follows a reference, or nothing says what moved it."""
+    if capture.reference is None:
+        return capture.excitation is None
+    return float(np.ptp(capture.reference)) > 0.0

@@ -13,6 +13,7 @@ from stagectl.recording.columns import Array
 from stagectl.recording.csv_layout import Layout, layout
 from stagectl.recording.csv_logs import read_table
 from stagectl.recording.hdf5 import RecordingError
+from stagectl.recording.metadata import flat
 
 
 class Column(NamedTuple):
@@ -54,7 +55,7 @@ def _words(how: Layout, k: int) -> str:
 
 def _of_mat(path: Path) -> list[Column]:
     columns = []
-    for name, value in mat_logs.flat(mat_logs.variables(path)).items():
+    for name, value in flat(mat_logs.variables(path)).items():
         values = np.asarray(value)
         if values.dtype.kind not in "fiu" or values.ndim > 2 or values.size < 2:
             continue

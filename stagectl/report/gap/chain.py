@@ -55,7 +55,7 @@ class _Box(NamedTuple):
 def chain(result: DiagnosisResult) -> Picture:
     """The signal chain as a picture of the page."""
     text = base64.b64encode(drawing(result).encode()).decode()
-    caption = "Share of the excess over noise that arises in each block, and the effects found in it."
+    caption = "Share of the known causes that each block holds, and the effects found in it."
     hatched = " Hatched: not judged." if None in result.blocks.values() else ""
     return Picture(f"data:image/svg+xml;base64,{text}", f"{caption}{hatched}", 760)
 

@@ -6,8 +6,9 @@ import re
 
 from matplotlib.figure import Figure
 
+from stagectl.gap.effects.library import label
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, DiagnosisResult
+from stagectl.gap.result.diagnosis import BLOCKS, HELD_OUT, DiagnosisResult
 from stagectl.number_format import percent
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import embedded
@@ -46,7 +47,8 @@ def _basis(result: DiagnosisResult) -> list[str]:
     if result.captures:
         about.append(f"Data: {_counted(len(result.captures), 'capture')}.")
     if result.traces:
-        about.append(f"Checked on {_counted(len(result.traces), 'held-out run')}.")
+        held_out = _counted(len(result.traces), "held-out run")
+        about.append(f"Checked on {held_out if result.judged_on == HELD_OUT else result.judged_on}.")
     if result.seconds:
         about.append(f"Computing time: {sum(seconds for _, seconds in result.seconds):.0f} s.")
     return [" ".join(about)]
@@ -68,7 +70,17 @@ def _largest_block(result: DiagnosisResult) -> list[str]:
         return []
     worst = max(known, key=lambda name: known[name])
     ends = ("reference", *SIGNALS)[BLOCKS.index(worst) :][:2]
-    return [f"{percent(known[worst])} of the excess over noise arises in the {worst}, between {' and '.join(ends)}."]
+    return [
+        f"{percent(known[worst])} of the known causes lies in the {worst}, between {' and '.join(ends)}.",
+        *_parts(result),
+    ]
+
+
+def _parts(result: DiagnosisResult) -> list[str]:
+    """Who holds the gap of the forces, the largest first."""
+    ranked = sorted((part for part in result.parts if part.share > 0.0), key=lambda part: -part.share)
+    held = [f"{label(part.name)} {percent(part.share)} ({part.block})" for part in ranked]
+    return [f"Of the excess of the forces over noise: {', '.join(held)}."] if held else []
 
 
 def _motion(result: DiagnosisResult, _place: str) -> Section | None:
@@ -89,7 +101,7 @@ def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
 
 def _shares(result: DiagnosisResult, _place: str) -> Section | None:
     effects = [tables.effects(result)] if result.effects else []
-    caption = "The squared gap on held-out runs, split into its parts. The parts add up to 100 %."
+    caption = f"The squared gap on {result.judged_on}, split into its parts. The parts add up to 100 %."
     pictures = [_picture(figures.shares(result), caption)] if result.shares else []
     return Section("Which effect", [], pictures, effects) if pictures or effects else None
 
@@ -101,7 +113,7 @@ def _distance(result: DiagnosisResult, _place: str) -> Section | None:
     pictures = []
     if run is not None:
         window = run.time[figures.window(run)]
-        caption = f"{run.file}, the held-out run with the largest gap: its worst {window[-1] - window[0]:.2g} s."
+        caption = f"{run.file}, the run with the largest gap: its worst {window[-1] - window[0]:.2g} s."
         pictures.append(_picture(figures.trace(run, result), caption, 700))
     return Section("How far it shrinks", _predicted(result), pictures, [tables.gaps(result)])
 
@@ -111,7 +123,7 @@ def _predicted(result: DiagnosisResult) -> list[str]:
         return []
     return [
         f"Predicted from the data that selected the effects: {percent(result.gap.predicted)} of the closable gap "
-        f"closes. Measured on the held-out runs: {percent(result.gap.closure)}."
+        f"closes. Measured on {result.judged_on}: {percent(result.gap.closure)}."
     ]
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,7 +14,7 @@ from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction.members import FAMILY, Path
 from stagectl.identification.result import IdentificationResult
 from stagectl.report.constants import REVERSAL_BEYOND, REVERSAL_POINTS
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded
+from stagectl.report.figures import TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded
 from stagectl.report.page import Picture
 
 BARS = (
@@ -34,34 +32,25 @@ def pictures(result: IdentificationResult, captures: list[Capture], file: StageF
     if all("closed_loop" in row for row in rows):
         words = "The record's reference simulated in closed loop on each model."
         drawn.append(Picture(embedded(closed_loop(rows, result.details.get("published"))), words))
-    return [
-        *drawn,
-        Picture(
-            embedded(reversal(rows, file)),
-            "Each model's friction after a full, slow reversal.",
-        ),
-    ]
+    return [*drawn, Picture(embedded(reversal(rows, file)), "Each model's friction after a full, slow reversal.")]
 
 
 def residuals(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Residual (%) of the force: of all rows, and of those held out."""
     values = [{"force_residual_percent": row["force_residual_percent"], **row["held_out"]} for row in rows]
-    with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(5.6, 4.0))
+    with drawing(figsize=(5.6, 4.0), top=0.86) as (figure, axes):
         for number, (name, label, colour) in enumerate(BARS):
             places = np.arange(len(rows)) + 0.26 * (number - 1)
             axes.barh(places, [value[name] for value in values], 0.24, color=colour, label=label)
         _models(axes, rows)
         axes.set_xlabel("residual of the force [%]")
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.86))
         figure.legend(*axes.get_legend_handles_labels(), loc="upper left", fontsize=7.5)
     return figure
 
 
 def closed_loop(rows: Sequence[Mapping[str, Any]], published: Mapping[str, float] | None) -> Figure:
     """The four errors (%), with the published ones where there are any."""
-    with mpl.rc_context(STYLE):
-        figure, grid = plt.subplots(2, 2, figsize=(5.6, 5.0), sharey=True)
+    with drawing(2, 2, figsize=(5.6, 5.0), sharey=True, top=0.95 if published else 1.0) as (figure, grid):
         for axes, name in zip(grid.flat, ("position", "velocity", "acceleration", "force"), strict=True):
             axes.barh(np.arange(len(rows)), [row["closed_loop"][name] for row in rows], 0.6, color=WITH)
             axes.set_xlabel(f"{name} error [%]")
@@ -72,7 +61,6 @@ def closed_loop(rows: Sequence[Mapping[str, Any]], published: Mapping[str, float
             axes.grid(axis="y", visible=False)
         _models(grid[0, 0], rows)
         grid[1, 0].tick_params(axis="y", labelsize=8)
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.95 if published else 1.0))
         if published:
             figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="upper left", fontsize=7.5)
     return figure

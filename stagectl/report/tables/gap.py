@@ -37,7 +37,7 @@ def gaps(result: DiagnosisResult) -> Table:
     """The gap before and after."""
     known = {"position" if result.gap.unit in ("rad", "m") else "effort": result.gap, **result.gaps}
     rows = [_row(verdict_text.gap_label(name), gap, result) for name, gap in known.items()]
-    head = ["rms on held-out runs", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"]
+    head = [f"rms on {result.judged_on}", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"]
     return Table("", head, rows)
 
 

@@ -15,6 +15,8 @@ export class Health {
     const late = now.lateness, share = late.rows ? `; at most ${si(late.largest, "s", 3)} in the last minute` : "";
     at("late").textContent = `${now.late_cycles} of ${now.cycles} cycles late${share}`;
     this.bars(late);
+    at("why-late").hidden = !now.late_cycles;
+    at("late-virtual").hidden = !this.about.follows_sync;
     if (now.bus_load !== null) {
       at("bus").textContent = `Bus load ${(100 * now.bus_load).toFixed(0)} % (${this.about.bus}): ${now.rate.toFixed(0)} cycles/s, worst-case stuffing`;
       at("bus-meter").value = now.bus_load;

@@ -7,13 +7,14 @@ import { fixed, si } from "./plot.js";
 import { Records } from "./records.js";
 import { Scope } from "./scope.js";
 import { Strips } from "./strips.js";
+import { Tools } from "./tools.js";
 
 const at = (id) => document.getElementById(id);
 let machine = null, axis = "", may = false, since = 0;
 
 takeKey();
 const link = new Link({ open, closed, news, numbers });
-const strips = new Strips(link), scope = new Scope(link), orders = new Orders(), records = new Records(), health = new Health();
+const strips = new Strips(link), scope = new Scope(link), orders = new Orders(), records = new Records(), health = new Health(), tools = new Tools();
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => machine && choose(axis));
 requestAnimationFrame(function draw() {
   strips.draw();
@@ -57,8 +58,9 @@ function choose(name) {
   strips.show(axis, about);
   scope.show(axis, about);
   orders.show(axis, about, Object.keys(machine).length > 1);
-  records.show(axis, may);
+  records.show(axis, may, about);
   health.show(about);
+  if (may) tools.show(axis, about);
 }
 
 function closed(code) {
@@ -86,6 +88,7 @@ function numbers(data) {
 
 function news(message) {
   if (message.error) return scope.refused(message.error);
+  if (message.waiting) return scope.waiting(message.waiting);
   since = performance.now();
   const now = message.status.axes.find((one) => one.axis === axis);
   if (!now) return;
@@ -108,7 +111,7 @@ function words(element, text) {
 }
 
 function state(now) {
-  words(at("state"), sentence(now.state_words) + (now.in_position ? ", in position" : ""));
+  words(at("state"), sentence(now.state_words) + (now.in_position && now.state === "standing" ? ", in position" : ""));
   const wrong = now.fault !== "" || ["offline", "no_answer"].includes(now.state);
   at("fault").hidden = !wrong;
   words(at("fault-name"), now.fault ? `${now.fault.replaceAll("_", " ")}:` : "");
@@ -117,7 +120,8 @@ function state(now) {
   const place = (value, digits) => (linear ? fixed(value, 1e-3, digits, "mm") : fixed(value, 1, digits + 1, "rad"));
   words(at("position"), place(now.position, 5));
   words(at("reference"), place(now.reference, 5));
-  words(at("error"), linear ? fixed(now.error, 1e-6, 3, "µm") : fixed(now.error, 1e-6, 1, "µrad"));
+  const small = now.error !== null && Math.abs(now.error) < 1e-6;
+  words(at("error"), linear ? (small ? fixed(now.error, 1e-9, 1, "nm") : fixed(now.error, 1e-6, 3, "µm")) : fixed(now.error, 1e-6, 1, "µrad"));
   words(at("speed"), linear ? fixed(now.speed, 1e-3, 2, "mm/s") : fixed(now.speed, 1, 4, "rad/s"));
   words(at("current"), now.current === null ? "not known" : si(Math.abs(now.current) < 5e-4 ? 0 : now.current, "A", 3));
   words(at("homed"), now.homed ? "known" : "not homed");

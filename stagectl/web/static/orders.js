@@ -1,5 +1,6 @@
 // Orders, for who may give them; what the service refuses is told in its own words.
 
+import { Jog } from "./jog.js";
 import { ask } from "./link.js";
 
 const at = (id) => document.getElementById(id);
@@ -7,10 +8,13 @@ const POWERED = ["standing", "moving", "homing", "drive_homing", "stopping"];
 
 export class Orders {
   constructor() {
+    this.jog = new Jog((words, bad) => this.say(words, bad));
     const simple = { stop: "stop", "quick-stop": "quick-stop", enable: "enable", disable: "disable", home: "home", reset: "faults/reset" };
     for (const [id, verb] of Object.entries(simple)) at(id).onclick = () => this.give(`/v1/${verb}${this.which(id)}`, undefined, at(id).textContent);
     document.addEventListener("keydown", (event) => {
-      if (event.key === "Escape" && !at("orders").hidden) this.give(`/v1/stop`, undefined, "Stop");
+      if (event.key !== "Escape" || at("orders").hidden) return;
+      this.jog.release();
+      this.give(`/v1/stop`, undefined, "Stop");
     });
     at("move").onsubmit = (event) => {
       event.preventDefault();
@@ -30,8 +34,10 @@ export class Orders {
     return id.includes("stop") ? "" : `?axis=${encodeURIComponent(this.axis)}`;
   }
 
-  show(axis) {
+  show(axis, about) {
+    if (this.axis !== axis) at("jog-speed").value = about.unit === "m" ? "1 mm/s" : "0.1 rad/s";
     this.axis = axis;
+    this.jog.show(axis);
   }
 
   async give(what, body, name) {
@@ -52,6 +58,7 @@ export class Orders {
   take(now, all) {
     const state = now.state, powered = POWERED.includes(state);
     const moving = all.some((one) => ["moving", "homing", "drive_homing", "stopping", "enabling", "no_answer"].includes(one.state));
+    this.jog.take(state);
     at("enable").disabled = !["disabled", "offline"].includes(state);
     at("disable").disabled = !powered;
     at("home").disabled = state !== "standing";

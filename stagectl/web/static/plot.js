@@ -4,6 +4,9 @@ const NAMED = { reference: "--target", target: "--target", measured: "--measured
   measured_current: "--current-measured" };
 const OTHERS = ["--c6", "--c7", "--c8", "--c9", "--c10"];
 const PREFIX = [[1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
+const NOTHING = 1e-12;  // SI: smaller values are rounding, and are shown as 0
+const LEAST = { m: 4e-9, rad: 4e-8, A: 0.02, s: 1e-6 };  // SI: an axis shows this much at least, so that rounding is no curve
+const FAR = 20;  // spans of an axis from 0: farther away its ticks count from an offset
 
 export function css(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -17,14 +20,14 @@ export function look(name, names) {
 }
 
 export function prefix(largest, unit) {
-  if (!unit || unit === "A") return [1, unit];
+  if (!unit) return [1, unit];
   const found = PREFIX.find(([scale]) => largest >= scale) || PREFIX[3];
   return [found[0], found[1] + unit];
 }
 
 export function si(value, unit, digits = 4) {
   if (value === null || !Number.isFinite(value)) return "not known";
-  if (value === 0) return `0 ${unit}`.trim();
+  if (unit ? Math.abs(value) < NOTHING : value === 0) return `0 ${unit}`.trim();
   const [scale, name] = prefix(Math.abs(value), unit);
   return `${Number((value / scale).toPrecision(digits))} ${name}`.trim();
 }
@@ -34,9 +37,9 @@ export function fixed(value, scale, digits, unit) {
 }
 
 // A range on round numbers, a little wider than needed: it changes seldom.
-export function calm(low, high, least = 0) {
+export function calm(low, high, unit) {
   if (!Number.isFinite(low) || !Number.isFinite(high)) return [-1, 1];
-  const middle = (low + high) / 2, width = Math.max((high - low) * 1.1, least, Math.abs(middle) * 1e-9, 1e-12);
+  const middle = (low + high) / 2, width = Math.max((high - low) * 1.1, LEAST[unit?.split("/")[0]] || 1e-3, Math.abs(middle) * 1e-9);
   const decade = 10 ** Math.floor(Math.log10(width));
   const step = [0.25, 0.5, 1, 2.5].map((part) => part * decade).find((part) => width / part <= 6) || decade;
   return [Math.floor((middle - width / 2) / step) * step, Math.ceil((middle + width / 2) / step) * step];
@@ -47,14 +50,49 @@ export function axisLook() {
     font: "12px system-ui, sans-serif" };
 }
 
-// Ticks in a prefix that fits; `said(unit)` receives the prefix.
+// How the ticks of an axis are told: in one unit, and far from 0 as distances from an offset.
+export function ticking(min, max, unit) {
+  const span = max - min, middle = (min + max) / 2;
+  if (!unit || !(Math.abs(middle) > FAR * span)) {
+    const [factor, name] = prefix(Math.max(Math.abs(min), Math.abs(max)) * 0.999, unit);
+    return { offset: 0, factor, name, from: "" };
+  }
+  const [factor, name] = prefix(span * 0.999, unit), [large, called] = prefix(Math.abs(middle), unit);
+  const decade = 10 ** Math.ceil(Math.log10(span)), digits = Math.max(Math.round(Math.log10(large / decade)), 0);
+  const told = (middle / large).toFixed(digits);
+  return { offset: Number(told) * large, factor, name, from: `from ${told} ${called}` };
+}
+
+export function tick(value, { offset, factor }) {
+  const shown = Number(((value - offset) / factor).toPrecision(6));
+  if (Math.abs(value - offset) < NOTHING) return "0";
+  return offset && shown > 0 ? `+${shown}` : String(shown);
+}
+
+// Ticks in a prefix that fits; `said.unit(name, from)` receives the unit, and what the ticks count from.
 export function ticks(unit, said) {
   return (u, values) => {
-    const scale = u.scales[u.axes[said.axis].scale];
-    const [factor, name] = prefix(Math.max(Math.abs(scale.min), Math.abs(scale.max)) * 0.999, unit);
-    said.unit(name);
-    return values.map((value) => String(Number((value / factor).toPrecision(6))));
+    const { min, max } = u.scales[u.axes[said.axis].scale], how = ticking(min, max, unit);
+    said.unit(how.name, how.from);
+    return values.map((value) => tick(value, how));
   };
+}
+
+// The curves of a channel: the middle, and between the lowest and the highest value of each bucket a veil, so that noise
+// does not hide what lies behind it.  `first`: number of the middle's series.
+export function curves(name, names, scale = "y") {
+  const { stroke, dash } = look(name, names), points = { show: false };
+  const edge = { stroke: `${stroke}99`, width: 0.75, scale, points };
+  return [{ stroke, dash, scale, width: 1.25, points }, edge, edge];
+}
+
+export function veils(names) {
+  return names.map((name, k) => ({ series: [3 * k + 3, 3 * k + 2], fill: `${look(name, names).stroke}40` }));
+}
+
+// Middle, lowest, highest; where a bucket is one row they are one curve.
+export function envelope(low, high) {
+  return [low.map((value, k) => (value === null ? null : (value + high[k]) / 2)), low, high];
 }
 
 export function missing(place) {
@@ -76,5 +114,8 @@ export function legend(place, names, labels, unit) {
   const said = document.createElement("span");
   said.textContent = unit ? ` [${unit}]` : "";
   place.append(said);
-  return (name) => { said.textContent = name ? ` [${name}]` : ""; };
+  return (name, from) => {
+    const words = name ? ` [${name}]${from ? ` ${from}` : ""}` : "";
+    if (said.textContent !== words) said.textContent = words;
+  };
 }

@@ -23,8 +23,10 @@ export class Records {
     setInterval(() => this.axis && !document.hidden && this.list(), 5000);
   }
 
-  show(axis, may) {
+  show(axis, may, about) {
     this.axis = axis;
+    this.machine = about.name;
+    this.shown = "";
     this.may = may;
     this.list();
   }
@@ -57,8 +59,9 @@ export class Records {
   }
 
   file(one) {
-    const kind = one.kind === "blackbox" ? "black box, " : "";
-    const entry = item(one.file.replace(/\.h5$/, ""), `${kind}${one.going_on ? "in progress" : `${(one.bytes / 1e6).toFixed(1)} MB`}`);
+    const kind = one.kind === "blackbox" ? `black box of ${this.machine}${one.axis === this.axis ? "" : `, axis ${one.axis}`}, ` : "";
+    const stem = one.file.replace(/\.h5$/, ""), name = one.kind === "blackbox" ? `${safe(this.machine)}-${safe(one.axis)}-${stem}` : stem;
+    const entry = item(stem, `${kind}${one.going_on ? "in progress" : `${(one.bytes / 1e6).toFixed(1)} MB`}`);
     if (one.going_on) return entry;
     for (const to of FORMATS) {
       const button = document.createElement("button");
@@ -67,7 +70,7 @@ export class Records {
       button.onclick = async () => {
         button.disabled = true;
         try {
-          await download(`/v1/recordings/${one.kind}/${one.axis}/${encodeURIComponent(one.file)}?to=${to}`, one.file.replace(/h5$/, to));
+          await download(`/v1/recordings/${one.kind}/${one.axis}/${encodeURIComponent(one.file)}?to=${to}`, `${name}.${to}`);
         } catch (error) {
           at("recording").textContent = this.words = error.message;
         }
@@ -77,6 +80,11 @@ export class Records {
     }
     return entry;
   }
+}
+
+// A machine's name as a part of a file's name.
+function safe(name) {
+  return name.trim().replace(/[^\p{L}\p{N}]+/gu, "-");
 }
 
 function item(name, words) {

@@ -1,11 +1,15 @@
 // The scope: captures around a trigger, zoomed without losing a peak, two cursors, and the values under them.
 
 import { KIND, save } from "./link.js";
-import { axisLook, calm, css, look, missing, prefix, si } from "./plot.js";
+import { Layouts } from "./layouts.js";
+import { axisLook, css, look, missing, si, tick, ticking, veils } from "./plot.js";
+import { VIEWS } from "./views.js";
 
 const at = (id) => document.getElementById(id);
 const FIRST = ["error", "measured_current"];
-const MOST = 16, POINTS = 1200;
+const MOST = 16, POINTS = 1200, WHOLE = 20000;  // points of a curve over time, and of a view that needs every row
+
+const SAID = { A: "current", place: "position", x: "position below" };
 
 // Channels that are compared share a scale; each other has its own.
 function family(name, unit) {
@@ -31,6 +35,7 @@ export class Scope {
     at("zoom").onclick = () => this.closer(...this.places().sort((a, b) => a - b));
     at("whole").onclick = () => this.closer(...this.extent);
     at("save-csv").onclick = () => this.csv();
+    new Layouts(this);
     new ResizeObserver(() => this.plot && this.fit()).observe(at("scope-plot"));
   }
 
@@ -41,11 +46,24 @@ export class Scope {
     const names = Object.keys(about.channels);
     if (!this.chosen || this.chosen.some((name) => !names.includes(name))) this.chosen = FIRST.filter((name) => names.includes(name));
     if (fresh) {
-      at("scope-channels").replaceChildren(...names.map((name) => this.pick(name, about.channels[name])));
+      this.picks();
       at("scope-source").replaceChildren(...["none", ...names].map((name) => new Option(name === "none" ? "none" : title(name), name)));
     }
     this.run(this.running, false);
   }
+
+  picks() {
+    at("scope-channels").replaceChildren(...Object.entries(this.about.channels).map(([name, about]) => this.pick(name, about)));
+  }
+
+  // These channels, as far as this axis has them.
+  choose(names) {
+    this.chosen = names.filter((name) => name in this.about.channels);
+    this.picks();
+    this.run(true, false);
+  }
+
+  get view() { return VIEWS[at("scope-view").value]; }
 
   pick(name, { meaning }) {
     const label = document.createElement("label"), box = document.createElement("input");
@@ -55,6 +73,7 @@ export class Scope {
       if (box.checked && this.chosen.length >= MOST) { box.checked = false; return this.refused(`${MOST} channels at most`); }
       this.chosen = box.checked ? [...this.chosen, name] : this.chosen.filter((one) => one !== name);
       if (this.chosen.length) this.run(true, false);
+      else this.refused("choose at least one channel");
     };
     label.title = meaning;
     label.append(box, title(name));
@@ -71,6 +90,7 @@ export class Scope {
       this.link.ask("hold", { held: true });
       return;
     }
+    if (!this.chosen.length) return this.refused("choose at least one channel");
     const source = at("scope-source").value || "none";
     const unit = source === "none" ? "" : this.about.channels[source].unit;
     const level = at("scope-level").value.trim();
@@ -78,11 +98,11 @@ export class Scope {
       : { channel: source, level: /^[-+.\de]+$/i.test(level) && unit ? `${level} ${unit}` : level, edge: at("scope-edge").value };
     this.single = single;
     this.shownPart = null;
-    this.names = [...this.chosen];
+    this.names = [...new Set([...this.chosen, ...this.view.needs])].slice(0, MOST);
     this.build();
     this.tell(trigger ? "waiting for the trigger" : "");
     this.link.ask("scope", { axis: this.axis, channels: this.names, span: Number(at("scope-span").value), before: Number(at("scope-before").value) / 100,
-      points: POINTS, trigger, mode: single ? "single" : at("scope-mode").value, number: ++this.number });
+      points: this.view === VIEWS.time ? POINTS : WHOLE, trigger, mode: single ? "single" : at("scope-mode").value, number: ++this.number });
   }
 
   tell(words) {
@@ -93,6 +113,13 @@ export class Scope {
   refused(words) {
     this.tell(words);
     at("scope-state").style.color = "var(--bad)";
+  }
+
+  // Of a trigger that does not come: between what its channel has stayed.
+  waiting({ low, high }) {
+    const name = at("scope-source").value, unit = this.about.channels[name]?.unit;
+    if (!this.running || unit === undefined) return;
+    this.tell(`waiting for the trigger; so far ${title(name)} lies between ${si(low, unit)} and ${si(high, unit)}`);
   }
 
   take(found) {
@@ -117,14 +144,14 @@ export class Scope {
   }
 
   closer(start, end) {
-    if (!this.last || !(end > start)) return;
+    if (!this.last || !(end > start) || this.view !== VIEWS.time) return;
     if (this.running) this.run(false, false);
     this.shownPart = [start, end];
     this.link.ask("closer", { start, end, points: POINTS, number: 0 });
   }
 
   csv() {
-    if (!this.last) return;
+    if (!this.last) return this.refused("nothing has been captured yet: there is nothing to save");
     if (this.running) this.run(false, false);
     this.wantsCsv = 1 + Math.floor(performance.now());
     const [start, end] = this.shownPart || this.extent;
@@ -139,31 +166,17 @@ export class Scope {
     save(new Blob([`${lines.join("\n")}\n`], { type: "text/csv" }), "scope.csv");
   }
 
-  // A capture as points: times from the trigger, the lowest and the highest of each bucket.
-  points(found) {
-    const step = found.size * found.period, twice = found.size > 1;
-    const x = [], y = this.names.map(() => []);
-    for (let k = 0; k < found.buckets; k++) {
-      const t = found.start - found.at + k * step;
-      x.push(t);
-      if (twice) x.push(t + step / 2);
-      for (let c = 0; c < y.length; c++) {
-        y[c].push(found.low[c][k]);
-        if (twice) y[c].push(found.high[c][k]);
-      }
-    }
-    return [x, ...y];
-  }
-
   draw() {
     if (!this.waits || !this.plot || this.waits.channels !== this.names.length) return;
     const found = this.waits;
     this.waits = null;
-    this.data = this.points(found);
+    const data = this.view.data(found, this.names);
+    if (!data[0].length) return;  // too few rows for a spectrum
+    this.data = data;
     const ranges = this.ranges();
     this.plot.setData(this.data, false);
     this.plot.batch(() => {
-      this.plot.setScale("x", { min: this.data[0][0], max: Math.max(this.data[0].at(-1), this.data[0][0] + found.period) });
+      this.plot.setScale("x", { min: this.data[0][0], max: Math.max(this.data[0].at(-1), this.data[0][0] + 1e-9) });
       for (const [scale, range] of Object.entries(ranges)) this.plot.setScale(scale, { min: range[0], max: range[1] });
     });
     this.cursors();
@@ -174,15 +187,13 @@ export class Scope {
     const bounds = {};
     this.names.forEach((name, index) => {
       const scale = this.scaleOf(name), found = bounds[scale] || (bounds[scale] = [Infinity, -Infinity]);
-      for (const value of this.data[index + 1]) {
-        if (value < found[0]) found[0] = value;
-        if (value > found[1]) found[1] = value;
-      }
+      for (const value of this.data[3 * index + 2]) if (value < found[0]) found[0] = value;
+      for (const value of this.data[3 * index + 3]) if (value > found[1]) found[1] = value;
     });
     const scales = Object.keys(bounds), lanes = at("scope-lanes").value === "lanes";
     scales.forEach((scale, lane) => {
-      const [low, high] = calm(...bounds[scale]), height = (high - low) * 1.08;
-      bounds[scale] = lanes ? [high - height * (scales.length - lane), high + height * lane] : [low, high];
+      const [low, high] = this.view.range(...bounds[scale], this.unitOf(scale)), height = (high - low) * 1.08;
+      bounds[scale] = lanes && this.view !== VIEWS.frequency ? [high - height * (scales.length - lane), high + height * lane] : [low, high];
     });
     return bounds;
   }
@@ -191,12 +202,19 @@ export class Scope {
     return family(name, this.about.channels[name].unit);
   }
 
+  unitOf(scale) {
+    return this.about.channels[this.names.find((name) => this.scaleOf(name) === scale)].unit;
+  }
+
   build() {
     this.plot?.destroy();
-    this.plot = null;
+    this.plot = this.data = null;
     const place = at("scope-plot");
     if (!window.uPlot) return missing(place);
     place.innerHTML = "";
+    const view = this.view;
+    for (const id of ["zoom", "whole"]) at(id).hidden = view !== VIEWS.time;
+    this.from = {};
     const scales = [...new Set(this.names.map((name) => this.scaleOf(name)))];
     const lanes = at("scope-lanes").value === "lanes";
     const axes = scales.slice(0, 2).map((scale, index) => this.scaleAxis(scale, index));
@@ -204,11 +222,12 @@ export class Scope {
       width: place.clientWidth || 300, height: 340, pxAlign: 0, legend: { show: false },
       cursor: { y: false, points: { show: false }, drag: { x: true, y: false, setScale: false } },
       select: { show: true },
-      scales: { x: { time: false }, ...Object.fromEntries(scales.map((scale) => [scale, { auto: false }])) },
-      series: [{}, ...this.names.map((name) => ({ ...look(name, this.names), scale: this.scaleOf(name), width: 1.25, points: { show: false } }))],
-      axes: [{ ...axisLook(), values: (u, values) => values.map((value) => si(value, "s")) }, ...(lanes ? [] : axes)],
+      scales: { x: view.x, ...Object.fromEntries(scales.map((scale) => [scale, { ...view.y }])) },
+      series: [{}, ...this.names.flatMap((name) => view.curves(name, this.names, this.scaleOf(name)))],
+      bands: view === VIEWS.time ? veils(this.names) : [],
+      axes: [{ ...axisLook(), values: (u, values) => this.told("x", u.scales.x, values, view.unit(this.about)) }, ...(lanes ? [] : axes)],
       hooks: { draw: [(u) => this.lines(u)], setSelect: [(u) => this.selected(u)], ready: [(u) => this.mouse(u)] },
-    }, [[], ...this.names.map(() => [])], place);
+    }, [[], ...this.names.flatMap(() => [[], [], []])], place);
     this.waits = this.last?.channels === this.names.length ? this.last : null;
   }
 
@@ -216,10 +235,17 @@ export class Scope {
     const name = this.names.find((one) => this.scaleOf(one) === scale), unit = this.about.channels[name].unit;
     return { ...axisLook(), scale, side: index ? 1 : 3, size: innerWidth < 600 ? 62 : 78, grid: { show: !index, stroke: css("--grid"), width: 1 },
       stroke: look(name, this.names).stroke,
-      values: (u, values) => {
-        const [factor, said] = prefix(Math.max(Math.abs(u.scales[scale].min), Math.abs(u.scales[scale].max)) * 0.999, unit);
-        return values.map((value) => `${Number((value / factor).toPrecision(6))} ${said}`);
-      } };
+      values: (u, values) => this.told(scale, u.scales[scale], values, unit) };
+  }
+
+  // The ticks of a scale; what they count from stands below the plot.
+  told(scale, { min, max, distr }, values, unit) {
+    if (distr === 3) return values.map((value) => (value === null ? "" : si(value, unit, 2)));
+    const how = ticking(min, max, unit);
+    this.from[scale] = how.from ? `${SAID[scale] || title(scale)} ${how.from}` : "";
+    const words = Object.values(this.from).filter(Boolean).join("; ");
+    if (at("scope-from").textContent !== words) at("scope-from").textContent = words;
+    return values.map((value) => `${tick(value, how)} ${how.name}`);
   }
 
   mouse(u) {
@@ -240,13 +266,13 @@ export class Scope {
   }
 
   places() {
-    const { min, max } = this.plot.scales.x;
-    return ["cursor-a", "cursor-b"].map((id) => min + ((max - min) * at(id).value) / 1000);
+    return ["cursor-a", "cursor-b"].map((id) => this.plot.posToVal((this.plot.over.clientWidth * at(id).value) / 1000, "x"));
   }
 
   // Cursors, and the trigger at 0.
   lines(u) {
-    const marks = [...this.places().map((t, k) => [t, "AB"[k], css("--soft")]), [0, "", css("--error")]];
+    const marks = this.places().map((t, k) => [t, "AB"[k], css("--soft")]);
+    if (this.view === VIEWS.time) marks.push([0, "", css("--error")]);
     const context = u.ctx, { left, top, width, height } = u.bbox;
     context.save();
     context.lineWidth = devicePixelRatio;
@@ -269,15 +295,17 @@ export class Scope {
     if (!this.plot || !this.data?.[0].length) return;
     const times = this.places(), [a, b] = times.map((t) => this.nearest(t)), gap = times[1] - times[0];
     this.plot.redraw(false, false);
-    const head = ["", `A  ${si(times[0], "s")}`, `B  ${si(times[1], "s")}`, `B − A  ${si(gap, "s")}, ${si(1 / Math.abs(gap), "Hz", 3)}`, "lowest", "highest"];
+    const x = this.view.unit(this.about), rate = x === "s" ? `, ${si(1 / Math.abs(gap), "Hz", 3)}` : "";
+    const head = ["", `A  ${si(times[0], x)}`, `B  ${si(times[1], x)}`, `B − A  ${si(gap, x)}${rate}`, "lowest", "highest"];
     const rows = this.names.map((name, k) => {
-      const unit = this.about.channels[name].unit, values = this.data[k + 1];
-      const [low, high] = values.reduce(([l, h], v) => [v < l ? v : l, v > h ? v : h], [Infinity, -Infinity]);
+      const unit = this.about.channels[name].unit, [values, lows, highs] = this.data.slice(3 * k + 1, 3 * k + 4);
+      const low = lows.reduce((least, v) => Math.min(least, v), Infinity), high = highs.reduce((most, v) => Math.max(most, v), -Infinity);
       return [name, ...[values[a], values[b], values[b] - values[a], low, high].map((value) => si(value, unit, 5))];
     });
     const table = at("readout");
     fill(table.tHead, [head], "th");
     fill(table.tBodies[0], rows, "td");
+    for (const row of table.tBodies[0].rows) [...row.cells].forEach((cell, c) => { cell.dataset.head = head[c]; });
     [...table.tBodies[0].rows].forEach((row, k) => {
       const swatch = document.createElement("span");
       swatch.className = "swatch";

@@ -1,11 +1,11 @@
 // Target and actual, tracking error, current: as they come, the lowest and the highest of each bucket.
 
-import { axisLook, calm, css, legend, look, missing, ticks } from "./plot.js";
+import { axisLook, calm, curves, envelope, legend, missing, ticks, veils } from "./plot.js";
 
 const PANELS = [
-  { id: "position", names: ["target", "measured"], labels: ["target", "actual position"], least: 0 },
-  { id: "error", names: ["error"], labels: ["tracking error"], least: 0 },
-  { id: "current", names: ["current", "measured_current"], labels: ["current, command", "measured"], least: 0.02 },
+  { id: "position", names: ["target", "measured"], labels: ["target", "actual position"] },
+  { id: "error", names: ["error"], labels: ["tracking error"] },
+  { id: "current", names: ["current", "measured_current"], labels: ["current, command", "measured"] },
 ];
 // s between two messages at most.  The picture lags the newest bucket by this and one bucket, so it moves with every
 // frame of the screen, not with every message.
@@ -49,31 +49,22 @@ export class Strips {
 
   clear() {
     this.x = [];
-    this.y = NAMES.map(() => []);
+    this.low = NAMES.map(() => []);
+    this.high = NAMES.map(() => []);
     this.ahead = -Infinity;  // of the service's clock before this one's, s
     this.dirty = true;
   }
 
   clock() { return performance.now() / 1000; }
 
-  // New buckets: two points each, the lowest and the highest.
+  // New buckets: of each the lowest and the highest, at its middle.
   take(found) {
     if (found.number !== this.number || this.paused) return;
-    const step = found.size * found.period, half = found.size > 1 ? step / 2 : 0;
-    if (this.x.length && found.start - this.x.at(-1) > 2.5 * step) {  // rows were lost: a gap
-      this.x.push(found.start - step / 2);
-      this.y.forEach((values) => values.push(null));
-    }
+    const step = found.size * found.period, half = (found.size - 1) * found.period / 2;
+    if (this.x.length && found.start + half - this.x.at(-1) > 2.5 * step) this.put(found.start - half, null, 0);  // rows were lost: a gap
     for (let k = 0; k < found.buckets; k++) {
-      const t = found.start + k * step;
-      if (t <= this.x.at(-1)) continue;
-      this.x.push(t);
-      if (half) this.x.push(t + half);
-      for (let c = 0; c < NAMES.length; c++) {
-        const low = found.low[c][k], high = found.high[c][k];
-        this.y[c].push(Number.isNaN(low) ? null : low);
-        if (half) this.y[c].push(Number.isNaN(high) ? null : high);
-      }
+      const t = found.start + half + k * step;
+      if (!(t <= this.x.at(-1))) this.put(t, found, k);
     }
     this.ahead = Math.max(this.x.at(-1) - this.clock(), this.ahead - 1e-4);  // what comes late does not set it
     this.behind = APART + step;
@@ -82,9 +73,19 @@ export class Strips {
     while (old < this.x.length && this.x[old] < oldest) old++;
     if (old > 200 || (old && this.x.length > 4000)) {
       this.x = this.x.slice(old);
-      this.y = this.y.map((values) => values.slice(old));
+      this.low = this.low.map((values) => values.slice(old));
+      this.high = this.high.map((values) => values.slice(old));
     }
     this.dirty = true;
+  }
+
+  put(t, found, k) {
+    const value = (numbers) => (Number.isNaN(numbers[k]) ? null : numbers[k]);
+    this.x.push(t);
+    NAMES.forEach((_, c) => {
+      this.low[c].push(found && value(found.low[c]));
+      this.high[c].push(found && value(found.high[c]));
+    });
   }
 
   draw() {
@@ -95,7 +96,7 @@ export class Strips {
     const times = this.x.map((t) => t - end);
     let first = 0;
     for (const plot of this.plots) {
-      plot.setData([times, ...plot.panel.names.map((_, index) => this.y[first + index])], false);
+      plot.setData([times, ...plot.panel.names.flatMap((_, index) => envelope(this.low[first + index], this.high[first + index]))], false);
       plot.batch(() => {
         plot.setScale("x", { min: -this.span, max: 0 });
         plot.setScale("y", this.range(plot, first));
@@ -107,13 +108,10 @@ export class Strips {
   range(plot, first) {
     let low = Infinity, high = -Infinity;
     plot.panel.names.forEach((_, index) => {
-      for (const value of this.y[first + index]) {
-        if (value === null) continue;
-        if (value < low) low = value;
-        if (value > high) high = value;
-      }
+      for (const value of this.low[first + index]) if (value !== null && value < low) low = value;
+      for (const value of this.high[first + index]) if (value !== null && value > high) high = value;
     });
-    const [min, max] = calm(low, high, plot.panel.least || 4 * (this.about.step || 1e-9));
+    const [min, max] = calm(low, high, this.about.channels[plot.panel.names[0]].unit);
     return { min, max };
   }
 
@@ -130,10 +128,11 @@ export class Strips {
       const plot = new uPlot({
         width: place.clientWidth || 300, height: last ? 165 : 145, pxAlign: 0, legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false }, y: { auto: false } },
-        series: [{}, ...panel.names.map((name) => ({ ...look(name, panel.names), width: 1.25, points: { show: false } }))],
+        series: [{}, ...panel.names.flatMap((name) => curves(name, panel.names))],
+        bands: veils(panel.names),
         axes: [{ ...axisLook(), size: last ? 34 : 8, values: last ? (u, values) => values.map((v) => `${v} s`) : () => [] },
                { ...axisLook(), size: 58, values: ticks(unit, { axis: 1, unit: say }) }],
-      }, [[], ...panel.names.map(() => [])], place);
+      }, [[], ...panel.names.flatMap(() => [[], [], []])], place);
       plot.panel = panel;
       this.plots.push(plot);
     }

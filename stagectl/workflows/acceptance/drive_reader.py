@@ -11,7 +11,7 @@ from stagectl.drives.bus.frames import Bus, frame
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
-from stagectl.drives.canopen.plain_sdo import PlainSdo
+from stagectl.drives.canopen.object_access import PlainSdo
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.workflows.acceptance.limits import LOOK, PATIENCE, STILL_COUNTS, STILL_TIME
 

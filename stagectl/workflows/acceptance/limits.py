@@ -26,7 +26,7 @@ SETTLING_SHARE = 0.25  # of limits.following_error; chosen; friction's spring an
 STILL_COUNTS, STILL_TIME = 2, 0.2  # encoder counts and s; chosen; an axis that stays within them stands
 PATIENCE = 3.0  # s; chosen; beyond time-out and ramp: then the axis counts as not stopped, and its power is cut
 LOOK = 0.005  # s; chosen; between two looks at ring or drive
-LOOP_PATIENCE = 30.0  # s; chosen; for a loop to connect, get power and end: a busy computer starts Python slowly
+LOOP_PATIENCE = 90.0  # s; chosen; for a loop to connect, get power and end: a busy computer starts Python slowly
 
 LONGEST_NAME = 100  # characters; chosen; of the person
 SHORTEST_KEY = 16  # bytes; chosen; 128 bits: a shorter key for the signature can be guessed

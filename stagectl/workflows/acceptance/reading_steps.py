@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from stagectl.drives.bus.frames import MASTER
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.network import check_profile
 from stagectl.drives.canopen.presets import for_vendor
 from stagectl.drives.canopen.probe import against_eds
-from stagectl.drives.canopen.protection import MASTER
 from stagectl.workflows.acceptance.drive_reader import DriveReader
 from stagectl.workflows.acceptance.stop_bounds import read_protection
 from stagectl.workflows.acceptance.trial import connected

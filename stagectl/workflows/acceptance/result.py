@@ -85,7 +85,9 @@ def verify(path: Path, key: bytes | None = None) -> dict[str, Any]:
     try:
         page = json.loads(path.read_text(encoding="utf-8"))
         content, digest, code = page["content"], str(page["sha256"]), page["hmac_sha256"]
-    except (ValueError, KeyError, TypeError) as error:
+    except KeyError as error:
+        raise StageError(f"{path} is not the JSON of `stagectl drive accept`: it has no {error}") from error
+    except (ValueError, TypeError) as error:
         raise StageError(f"{path} is not the JSON of `stagectl drive accept`: {error}") from error
     if not isinstance(content, dict) or not hmac.compare_digest(digest, _hash(content)):
         raise StageError(f"{path} was changed after it was signed: its SHA-256 is not {digest}")

@@ -174,4 +174,4 @@ def _post(setup: Setup, shared: Shared, push: Push) -> Post:
         low=push.low, high=push.high, speed=GUARD_SHARE * setup.file.limits.speed,
         freeze=safety.INF, breakaway=safety.INF,  # that it does not move yet is what the ramp finds out
     )  # fmt: skip
-    return post(setup, [axis._replace(homing=Homing(), envelope=envelope)], shared.ring, single=True)
+    return post(setup, [axis._replace(homing=Homing(), envelope=envelope)], single=True)

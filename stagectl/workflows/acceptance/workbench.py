@@ -55,8 +55,6 @@ class Workbench:
     @classmethod
     def of(cls, setup: Setup, current: float | None) -> Workbench:
         """For a stage with a CANopen drive.  Raises DriveError where it cannot be tried like this."""
-        wire = setup.file.drive.wire
-        assert isinstance(wire, Canopen)
         friction, bias = stage.sliding(setup.stage.friction), abs(setup.stage.mechanics.bias)
         if bias > friction:
             raise DriveError(
@@ -66,16 +64,13 @@ class Workbench:
                 place="mechanics.bias",
                 value=setup.stage.mechanics.bias,
             )
-        drive = setup.file.drive._replace(wire=wire._replace(reset="none"))
-        tried = setup._replace(file=setup.file._replace(drive=drive))
-        return cls(tried, _test_current(setup) if current is None else min(current, drive.current_limit))
+        current = _test_current(setup) if current is None else min(current, setup.file.drive.current_limit)
+        return cls(setup.with_wire(reset="none"), current)
 
     @property
     def wire(self) -> Canopen:
         """The wire, with the time-outs that the loop takes."""
-        wire = patient(self.setup).file.drive.wire
-        assert isinstance(wire, Canopen)
-        return wire
+        return patient(self.setup).canopen
 
     @property
     def step(self) -> float:

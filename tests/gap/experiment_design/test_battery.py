@@ -33,7 +33,7 @@ EFFECTS = """
     dwell friction_lag load_friction position_friction lead_friction cogging current_ripple ball_pass_ripple
     encoder_eccentricity encoder_interpolation current_quantisation dead_time jitter current_loop current_saturation
     voltage_saturation current_gain current_offset bias cable_spring cable_hysteresis thermal_viscous thermal_coulomb
-    friction_step backlash compliance base_vibration time_shift
+    friction_step backlash compliance base_vibration time_shift gravity torque_path cogging_map
 """  # the controller is recomputed from any log
 ANGLES = [
     ("  lead: 12 mm", "  lead: 0 mm"),

@@ -54,7 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         motion.write_text(f"type: sine\namplitude: {amplitude} mm\nfrequency: {frequency} Hz\nperiods: 2\nramp: 0.5\n")
         for repeat in (1, 2):
             simulation = setup.file.simulation._replace(seed=10 * number + repeat)
-            seeded = setup._replace(file=setup.file._replace(simulation=simulation))
+            seeded = setup.having(simulation=simulation)
             pretend(prepare(seeded, motion, frozenset(), place / f"sine-{frequency}-{repeat}.h5"))
     return place
 

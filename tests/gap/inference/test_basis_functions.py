@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from stagectl.gap.inference import basis_functions, coordinates, shape_fits
+from stagectl.gap.residuals.partialled_out import partialled_out
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection.cross_validation import partialled_out
 from stagectl.kernels import effects
 
 

@@ -2,16 +2,18 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from stagectl.gap.inference import parameter_errors
-from stagectl.gap.inference.parameter_errors import Estimate, Shift, common, shared
+from stagectl.gap.inference.estimates import Estimate, Joint
+from stagectl.gap.inference.parameter_errors import Shift, common, shared
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import Value
 from stagectl.kernels import friction, stage
 
 
 def shift(name: str, change: float, sure: bool = True) -> Shift:
-    return Shift(name, change, 1e-3, 0.3, Value(1.0, 0.9, 1.1, ""), sure)
+    return Shift(name, change, 1e-3, 0.3, Value(1.0, 0.9, 1.1, ""), 0.99 if sure else 0.2)
 
 
 def test_one_common_shift_is_the_force_constant() -> None:
@@ -23,6 +25,13 @@ def test_two_that_agree_may_be_the_force_constant() -> None:
     """While the third has changed by itself, as an inertia whose value was off."""
     off = [shift("inertia", 0.091), shift("viscous", -0.0912), shift("coulomb", -0.0905)]
     assert common(off) is None and shared(off) == {"viscous", "coulomb"}
+
+
+def test_a_force_constant_makes_no_friction_of_nothing() -> None:
+    """Both were 0 in the model, so both have changed by all of themselves."""
+    new = [shift(name, 1.0)._replace(from_nothing=True) for name in ("viscous", "coulomb")]
+    assert shared([shift("inertia", 0.01), *new]) == frozenset()
+    assert common([shift("inertia", 1.0), *new]) is None
 
 
 @pytest.mark.parametrize(
@@ -40,24 +49,68 @@ def test_otherwise_it_is_no_candidate(shifts: list[Shift]) -> None:
 
 @pytest.mark.parametrize(
     ("value", "deviation", "share", "sure"),
-    [(1.05, 0.01, 0.3, True), (1.05, 0.02, 0.3, False), (1.005, 0.0, 0.3, False), (1.05, 0.01, 0.001, False)],
+    [
+        (1.05, 0.01, 0.3, True),
+        (1.012, 0.002, 0.3, True),
+        (1.009, 0.002, 0.3, False),
+        (1.005, 0.0, 0.3, False),
+        (1.05, 0.01, 0.001, False),
+        (1.0, 0.3, 0.3, False),  # the data say nothing
+        (1.1, 0.2, 0.3, False),  # and next to nothing
+    ],
 )
 def test_a_shift_is_sure_large_and_material(value: float, deviation: float, share: float, sure: bool) -> None:
-    changed = parameter_errors._shift("inertia", Estimate(value, 1.0, deviation, 1.0), share, "rotary")
+    changed = parameter_errors._shift("inertia", Estimate(value, 1.0, deviation, 1.0, 0.3), share, "rotary")
     assert changed.sure is sure and changed.value.unit == "kg m^2"
     assert changed.change == pytest.approx(value - 1.0) and changed.value.high == pytest.approx(
         value + 1.96 * deviation
     )
 
 
+@pytest.mark.parametrize(("value", "expected"), [(0.02, 0.5), (0.021, 0.841), (-0.019, 0.159)])
+def test_a_sure_shift_is_as_probable_as_that_it_exceeds_what_matters(value: float, expected: float) -> None:
+    """Two per cent of the friction matter, for a bias; its deviation is a thousandth."""
+    found = parameter_errors._probability("bias", Estimate(value, 0.0, 1e-3, 1.0, 0.3))
+    assert found == pytest.approx(expected, abs=1e-3)
+
+
+def test_of_a_parameter_that_was_not_excited_nothing_is_said() -> None:
+    """Its interval is as wide as what was known before, and so beyond everything that matters."""
+    assert parameter_errors._probability("inertia", Estimate(2.0, 2.0, 0.6, 2.0, 0.6)) < 0.5
+
+
+def grams(names: tuple[str, ...], columns: NDArray[np.float64]) -> Grams:
+    """Of `columns` (k, m), with a residual of zero."""
+    rows = np.vstack([columns, np.zeros(columns.shape[1])])
+    square, nothing = (rows @ rows.T)[None], np.zeros(1, dtype=np.int64)
+    return Grams(names, square, np.zeros_like(square), np.zeros((1, 2)), nothing, nothing)
+
+
 def test_the_misfit_that_returns_is_what_the_others_cannot_take() -> None:
     """The column of the inertia is half that of another: moved by 2, all but what that one takes comes back."""
-    rows = np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    square = (rows @ rows.T)[None]
-    nothing = np.zeros(1, dtype=np.int64)
-    g = Grams(("inertia", "bias"), square, np.zeros_like(square), np.zeros((1, 2)), nothing, nothing)
-    returned = parameter_errors._returned(g, ["inertia", "bias"], {"inertia": {"inertia": 2.0}, "coulomb": {"w": 1.0}})
-    assert returned == pytest.approx({"inertia": 4.0 * (2.0 - 1.0)})
+    g = grams(("inertia", "bias"), np.array([[1.0, 1.0], [1.0, 0.0]]))
+    found = parameter_errors._materials(g, ["inertia", "bias"], {"inertia": {"inertia": 2.0}}, 1e-3)
+    assert found["inertia"].misfit == pytest.approx(4.0 * (2.0 - 1.0)) and found["inertia"].given == ()
+
+
+def test_two_that_stand_in_for_each_other_are_material_together() -> None:
+    """At one speed viscous and Coulomb friction are nearly one column: neither alone is missed, but one of them is."""
+    columns = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.1]])
+    moves = {name: {name: 1.0} for name in ("viscous", "coulomb")}
+    found = parameter_errors._materials(grams(tuple(moves), columns), list(moves), moves, 0.05)
+    assert found["viscous"].misfit + found["coulomb"].misfit > 7.9
+    first, second = sorted((found["viscous"], found["coulomb"]), key=lambda part: -part.misfit)
+    assert len(first.given) == len(first.alike) == 1 and second.misfit < 0.05
+
+
+def test_a_parameter_given_another_is_what_the_fit_would_say_without_that_one() -> None:
+    """Errors that go against each other: put one back by 0.2, and the other follows by as much."""
+    known = {name: Estimate(0.8 if name == "viscous" else 0.2, 0.0, 0.5, 1.0, 1.0) for name in ("viscous", "coulomb")}
+    joint = Joint(known, np.array([[0.25, -0.24], [-0.24, 0.25]]))
+    alone = joint.given("viscous", ["coulomb", "inertia"])
+    assert alone.value == pytest.approx(0.8 + 0.24 / 0.25 * 0.2)
+    assert alone.deviation == pytest.approx((0.25 - 0.24**2 / 0.25) ** 0.5)
+    assert joint.given("viscous", []).deviation == pytest.approx(0.5)
 
 
 def test_half_of_the_friction_turns_round_in_half_its_length() -> None:

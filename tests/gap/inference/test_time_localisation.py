@@ -1,4 +1,4 @@
-"""When the gap is open, and in which block it lies."""
+"""When the gap is open in each log."""
 
 from __future__ import annotations
 
@@ -24,13 +24,6 @@ def evidence(mechanics: float, drive: float, measured: bool = True, repeats: int
     return SimpleNamespace(runs=[run], base=base, deviations=[[np.zeros((100, 2))] * repeats])
 
 
-FITTED: Any = SimpleNamespace(effects=())
-
-
-def parity(checked: bool, agrees: bool) -> Any:
-    return SimpleNamespace(checked=checked, agrees=agrees)
-
-
 def test_the_excess_is_what_repeats_do_not_differ_by() -> None:
     """Two repeats that are 1 and -1 are their own noise; 1 + 2 and -1 + 2 have 4 a row beyond it."""
     e = evidence(0.0, 0.0)
@@ -38,21 +31,6 @@ def test_the_excess_is_what_repeats_do_not_differ_by() -> None:
     e.deviations = [[noise, -noise]]
     assert time_localisation.excess(e, [[noise, -noise]]) == pytest.approx([-200.0, -200.0])
     assert time_localisation.excess(e, [[noise + 2.0, -noise + 2.0]]) == pytest.approx([600.0, 600.0])
-
-
-def test_blocks_share_the_excess_of_their_cuts() -> None:
-    shares = time_localisation.blocks(evidence(3.0, 1.0), FITTED, parity(True, True))
-    assert shares == pytest.approx({"controller": 0.0, "drive": 0.1, "mechanics": 0.9, "sensor": 0.0})
-
-
-def test_a_cut_that_was_impossible_has_no_share() -> None:
-    shares = time_localisation.blocks(evidence(3.0, 1.0, measured=False), FITTED, parity(False, True))
-    assert shares == {"controller": None, "drive": None, "mechanics": 1.0, "sensor": 0.0}
-
-
-def test_a_wrong_controller_holds_everything() -> None:
-    shares = time_localisation.blocks(evidence(3.0, 1.0), FITTED, parity(True, False))
-    assert shares == {"controller": 1.0, "drive": 0.0, "mechanics": 0.0, "sensor": 0.0}
 
 
 def test_a_rare_effect_is_measured_where_it_acts() -> None:

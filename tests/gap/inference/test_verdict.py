@@ -10,34 +10,31 @@ import pytest
 
 from stagectl.gap.inference import verdict
 from stagectl.gap.inference.signatures import DriveSignature
-from stagectl.gap.inference.thresholds import LEAST_AGAINST_RIVALS
 from stagectl.gap.result.diagnosis import FoundEffect, Value
 
 
-def test_without_doubt_and_rivals_an_effect_is_certain() -> None:
-    assert verdict.probability(0.0, {}, "cogging") == 1.0
-
-
-def test_a_gain_at_its_limit_is_an_even_chance() -> None:
-    assert verdict.probability(1.0, {}, "cogging") == 0.5
-    assert verdict.probability(7.0, {}, "cogging") == 0.5
-    assert verdict.probability(0.25, {}, "cogging") == pytest.approx(1.0 - 0.5 * 0.125)
-
-
-def test_a_rival_takes_by_its_gain_and_never_more_than_the_search_gave() -> None:
-    assert verdict.probability(0.0, {"dwell": 0.9}, "cogging") == pytest.approx(1.0 / (1.0 + 0.9**8))
-    assert verdict.probability(0.0, {"dwell": 1.0, "bias": 1.0}, "cogging") == LEAST_AGAINST_RIVALS
-    assert verdict.probability(0.0, {"dwell": 0.5}, "cogging") > 0.99
+def selected_with(name: str, odds: dict[str, float], present: tuple[str, ...] = ()) -> Any:
+    """An effect next to those `present`; `odds` of the comparable others in its place."""
+    effects = tuple(SimpleNamespace(effect=SimpleNamespace(name=other)) for other in (name, *present))
+    rivals = {name: dict.fromkeys(odds)}
+    return SimpleNamespace(fitted=SimpleNamespace(effects=effects), alternatives={name: odds}, rivals=rivals)
 
 
 def test_what_holds_an_effect_as_a_special_case_is_no_rival() -> None:
-    assert verdict.probability(0.0, {"friction_lag": 1.0}, "stribeck") == 1.0
-    assert verdict._alternatives("stribeck", {"friction_lag": 1.0, "dwell": 0.95, "cogging": 0.8}) == ("dwell",)
+    selected = selected_with("stribeck", {"friction_lag": 1.0, "dwell": 0.4})
+    assert verdict._alternatives("stribeck", selected) == ("dwell",)
 
 
 def test_alternatives_begin_with_what_no_data_separate() -> None:
-    assert verdict._alternatives("dead_time", {"current_loop": 1.0}) == ("jitter", "current_loop")
-    assert verdict._alternatives("coulomb_asymmetry", {}) == ("bias",)
+    assert verdict._alternatives("dead_time", selected_with("dead_time", {"current_loop": 0.3})) == (
+        "jitter",
+        "current_loop",
+    )
+    assert verdict._alternatives("coulomb_asymmetry", selected_with("coulomb_asymmetry", {})) == ("bias",)
+
+
+def test_an_effect_that_is_in_the_model_is_no_alternative_to_another() -> None:
+    assert verdict._alternatives("cogging", selected_with("cogging", {"dwell": 0.5}, ("dwell",))) == ()
 
 
 def test_a_friction_that_lags_is_a_stribeck_friction_too() -> None:
@@ -78,7 +75,8 @@ def test_an_amplitude_that_is_not_sure_has_any_phase() -> None:
 def test_models_with_an_alternative_in_the_place_of_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     named = {name: SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("cogging", "dwell", "bias")}
     fitted = SimpleNamespace(model=None, effects=(named["cogging"], named["dwell"]))
-    selected: Any = SimpleNamespace(fitted=fitted, rivals={"cogging": {"bias": named["bias"]}})
+    rivals = {"cogging": {"bias": named["bias"], "dwell": named["dwell"]}}
+    selected: Any = SimpleNamespace(fitted=fitted, rivals=rivals)
 
     def refine(e: object, model: object, effects: list[Any], steps: int) -> Any:
         return SimpleNamespace(equipped=SimpleNamespace(stage=[part.effect.name for part in effects]))

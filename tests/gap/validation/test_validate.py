@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from stagectl.gap.validation import held_out_gap, rollouts, validate
@@ -34,6 +35,14 @@ def test_a_richer_model_must_not_lead_away(
     assert validate.closest(nothing, STAGES, []) is taken
 
 
-def test_without_a_known_loop_the_richest_is_taken() -> None:
-    session: Any = SimpleNamespace(law=None, logs=())
-    assert validate._best_model(session, STAGES) is RICH
+@pytest.mark.parametrize(("squares", "taken"), [((1.0, 1.0, 9.0), RICH), ((3.0, 2.0, 1.0), NOMINAL)])
+def test_without_a_known_loop_the_effort_decides(
+    monkeypatch: pytest.MonkeyPatch, squares: tuple[float, ...], taken: SimpleNamespace
+) -> None:
+    """A fit that makes the gap of the effort larger is refused as one that makes that of the loop larger."""
+    remaining = dict(zip((stage.name for stage in STAGES), squares, strict=True))
+    session: Any = SimpleNamespace(law=None, logs=(), dt=5e-4)
+    model = SimpleNamespace(_replace=lambda stage: stage)
+    e: Any = SimpleNamespace(runs=(), base=SimpleNamespace(model=model, noise=None))
+    monkeypatch.setattr(validate, "effort", lambda model, *_: SimpleNamespace(squares=np.array(remaining[model.name])))
+    assert validate._best_model(session, e, STAGES) is taken

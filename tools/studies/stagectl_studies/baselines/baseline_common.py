@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 from stagectl.gap import diagnose
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.selection import candidate_scores
-from stagectl.gap.selection.candidate_scores import Library
-from stagectl.gap.selection.cross_validation import Score, best_of
+from stagectl.gap.selection import linearised
+from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.evidence import Weighed
+from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
@@ -54,9 +55,15 @@ def shifts(g: Ground) -> tuple[str, ...]:
     return tuple(name for name, change in changes.items() if abs(change) > SHIFT)
 
 
-def scored(g: Ground, now: Fitted) -> dict[str, Score]:
-    """The best form of every effect that is not in the model yet, on what is left."""
-    return best_of(candidate_scores.scored(g.evidence, g.library, now).scores)
+def singles(g: Ground, now: Fitted) -> dict[str, EffectValues]:
+    """Every effect that may join the model, at its most probable place alone; the most probable effect first."""
+    at = linearised.linearised(g.evidence, g.library, now)
+    best: dict[str, Weighed] = {}
+    for item in at.verdict.sets:
+        if len(item.members) == 1:
+            (name,) = item.effects
+            best.setdefault(name, item)
+    return {name: at.values(item)[0] for name, item in best.items()}
 
 
 def as_json(answer: Answer) -> dict[str, Any]:

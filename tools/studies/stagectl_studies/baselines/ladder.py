@@ -7,8 +7,7 @@ Models for the Physics Simulation of Servo Actuators, arXiv 2410.08650).
 from __future__ import annotations
 
 from stagectl.gap.selection import refine
-from stagectl.gap.selection.candidate_scores import effect_of
-from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
+from stagectl_studies.baselines.baseline_common import Answer, Ground, shifts, singles
 
 RUNGS: tuple[tuple[str, ...], ...] = (
     (),
@@ -22,10 +21,10 @@ RUNGS: tuple[tuple[str, ...], ...] = (
 
 def ladder(g: Ground) -> Answer:
     """The rung that leaves least."""
-    best = scored(g, refine.start(g.evidence))
+    best = singles(g, refine.start(g.evidence))
     fits = []
     for rung in RUNGS:
-        effects = [effect_of(best[name]) for name in rung if name in best and best[name].gain > 0.0]
+        effects = [best[name] for name in rung if name in best]
         fits.append(refine.refine(g.evidence, g.evidence.base.model, effects, 2))
     chosen = min(fits, key=lambda fit: fit.residual_sum_of_squares)
     return Answer(tuple(effect.effect.name for effect in chosen.effects), chosen.equipped.stage, shifts(g))

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stagectl.gap.selection import refine
-from stagectl.gap.selection.candidate_scores import effect_of
-from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
+from stagectl_studies.baselines.baseline_common import Answer, Ground, shifts, singles
 
 
 def oracle(g: Ground, names: Sequence[str]) -> Answer:
@@ -17,9 +16,11 @@ def oracle(g: Ground, names: Sequence[str]) -> Answer:
     now = refine.start(g.evidence)
     waiting = [name for name in names if name in {form.effect.name for form in g.library.forms}]
     while waiting:
-        best = scored(g, now)
-        name = max(waiting, key=lambda word: best[word].gain)
+        best = singles(g, now)
+        name = next((word for word in best if word in waiting), None)
+        if name is None:
+            break
         waiting.remove(name)
-        after = refine.refine(g.evidence, now.model, [*now.effects, effect_of(best[name])])
+        after = refine.refine(g.evidence, now.model, [*now.effects, best[name]])
         now = after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
     return Answer(tuple(effect.effect.name for effect in now.effects), now.equipped.stage, shifts(g))

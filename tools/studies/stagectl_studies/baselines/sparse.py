@@ -31,8 +31,8 @@ def sparse(g: Ground) -> Answer:
     places = [place for form in chosen for place in matrices.places(form.names)]
     amplitude = least_squares.fit(whole, [*nuisance, *places]).amplitude
     moved = dict(zip(refine.nuisances(e), amplitude[: len(nuisance)].tolist(), strict=True))
-    possible = {name: max(step, baseline_fit.lowest(e.base.model, name)) for name, step in moved.items()}
-    model = baseline_fit.moved(e.base.model, possible, None)
+    possible = {name: max(step, e.base.prior.bounds(e.base.model, name)[0]) for name, step in moved.items()}
+    model = baseline_fit.moved(e.base.model, possible, None, e.base.prior.dt)
     rest, effects = amplitude[len(nuisance) :].tolist(), []
     for form in chosen:
         effects.append(EffectValues(form.effect, form.values([rest.pop(0) for _ in form.names])))

@@ -148,7 +148,7 @@ def _sources(records: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _runner(workers: int, scheduler: str | None) -> Any:
     """Who runs the trials: processes of this machine, or a cluster."""
-    from stagectl.cluster import on_cluster
+    from stagectl_studies.cluster import on_cluster
     from stagectl_studies.exam.run_trial import sit
     from stagectl_studies.exam.workers import ATTEMPTS, local
 

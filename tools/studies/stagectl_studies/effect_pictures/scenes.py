@@ -34,6 +34,9 @@ SIZES = Scales(  # of the ball-screw stage and the battery on it
     dt=0.0005,
     session=(0.0, 200.0),
     voltage=50.0,
+    delay=0.0005,
+    lag=0.000159,
+    rotates=True,  # gravity is shown as a beam on the motor's shaft would feel it
     orders=ORDERS,
 )
 FULL_BAND = 1e9  # Hz
@@ -41,6 +44,10 @@ FULL_BAND = 1e9  # Hz
 AFTER_REVERSAL: dict[str, Any] = {"part": (0.6, math.inf), "zoom": (0.8, 24.0)}
 SLOPES = (-0.45, 0.45)  # A/ms
 FALL = 4e3 * UM  # rad/s, Stribeck velocity
+COGGED = {"order": 7.0} | {
+    f"{part}_{k}": 0.02 / k * (part == "sine") for k in range(1, 5) for part in ("sine", "cosine")
+}
+UNEVEN = {"gain": -0.1, "gain_asymmetry": 0.04, "offset": 0.0, "directed_offset": 0.1}
 WARMING = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 420.0, 540.0)  # s
 
 
@@ -122,6 +129,8 @@ def _place() -> tuple[Scene, ...]:
             zoom=(-12.0, 12.0),
         ),
         _scene("cogging", "scan-slow", "turn", {"sine": 0.02, "cosine": 0.0, "order": 8.0}),
+        _scene("cogging_map", "scan-slow", "turn", COGGED),
+        _scene("gravity", "scan-slow", "turn", {"sine": 0.3, "cosine": 0.0, "order": 1.0}),
         _scene("current_ripple", "scan-at-two-loads", "turn", {"sine": 0.02, "cosine": 0.0, "order": 8.0}),
         _scene("cable_spring", "scan-slow", "position", {"stiffness": 0.1 / SIZES.stroke}),
         _scene("cable_hysteresis", "strokes", "since", {"effort": 0.1, "slip": 1e3 * UM}),
@@ -169,6 +178,7 @@ def _mechanics() -> tuple[Scene, ...]:
 def _drive() -> tuple[Scene, ...]:
     return (
         _scene("dead_time", "sine-strong", "slope", {"time": 0.0003}, channel=CURRENT, zoom=SLOPES),
+        _scene("torque_path", "sine-strong", "current", UNEVEN, channel=CURRENT),
         _scene("current_loop", "multisine-middle", "frequency", {"lag": 0.0002}, channel=CURRENT),
         _scene("jitter", "sine-strong", "slope", {"value": 0.0001}, channel=CURRENT, zoom=SLOPES),
         _scene(

@@ -11,7 +11,7 @@
       rules.py        what counts as named, found, covered    realised_closure.py  closure on withheld runs
       scoring.py      labels and answer of one trial -> one record
       question.py     the command that answers, on its own cores (cores.py)
-    exam.py           all trials, resumable, by any runner: workers.py here, stagectl.cluster elsewhere
+    exam.py           all trials, resumable, by any runner: workers.py here, cluster.py elsewhere
     totals.py         records -> rows.py with Wilson intervals, detection_sizes.py, calibration, baseline_table.py
     ledger.py         one line per exam, failed ones too
 

@@ -40,7 +40,7 @@ class Bench(NamedTuple):
     def noisy(self, noise: float, number: int) -> Bench:
         """The same with this current noise (A rms), the `number`-th draw of it."""
         simulation = self.machine.file.simulation._replace(current_noise=noise, seed=self.seed + number)
-        return self._replace(machine=self.machine._replace(file=self.machine.file._replace(simulation=simulation)))
+        return self._replace(machine=self.machine.having(simulation=simulation))
 
 
 class Run(NamedTuple):

@@ -112,7 +112,7 @@ def _experiments(course: Course, bench: Bench, extent: Extent) -> tuple[Runs, Ru
 def _fed_forward(setup: Setup, share: float) -> Setup:
     """`setup` with this share of the reference velocity fed forward."""
     control: Any = setup.file.control
-    return setup._replace(file=setup.file._replace(control=control._replace(velocity_feedforward=share)))
+    return setup.having(control=control._replace(velocity_feedforward=share))
 
 
 def _compensated(bench: Bench, forms: FittedForms, speed: str, form: str) -> Run:

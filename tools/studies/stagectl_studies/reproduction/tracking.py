@@ -62,7 +62,7 @@ def compensating(setup: Setup, form: str) -> Setup:
     if form == "model":
         return setup
     entries = {name: value for name, value in derived.block(form, setup.stage.friction).items() if name != "form"}
-    return setup._replace(file=setup.file._replace(compensation=FORMS[form](**entries)))
+    return setup.having(compensation=FORMS[form](**entries))
 
 
 def errors(run: Run) -> dict[str, float]:

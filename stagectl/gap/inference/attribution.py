@@ -1,0 +1,80 @@
+"""Whose the gap is: each named effect's share goes to its block and its coordinate, as the effect's record says.
+
+What the parameters of the model take is a part by itself, and what nothing explains stands as such.  Where an effect is
+named, block and coordinate are those of the effects; else those of the parameters; else those of the unexplained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stagectl.gap.controller_check.command_check import CommandCheck
+from stagectl.gap.effects.effect import CONTROLLER, DRIVE, MECHANICS
+from stagectl.gap.inference.time_localisation import excess
+from stagectl.gap.result.diagnosis import BLOCKS, NAMED, PARAMETERS, UNEXPLAINED, Coordinate, FoundEffect, Part
+from stagectl.gap.selection.refine import Evidence
+from stagectl.gap.selection.select import Selection
+
+
+def parts_of(e: Evidence, selected: Selection, found: Sequence[FoundEffect]) -> tuple[Part, ...]:
+    """Shares of what the nominal model leaves above the floor of repeats: effects, parameters, the unexplained."""
+    named = [effect for effect in found if effect.probability >= NAMED]
+    before, after = (max(float(excess(e, residuals).sum()), 0.0) for residuals in (e.base.before, e.base.after))
+    effects = [
+        Part(effect.name, effect.block, effect.coordinate, selected.gains.get(effect.name, 0.0))
+        for effect in named
+        if not effect.parameter
+    ]
+    parts = [
+        *effects,
+        *_of_parameters([effect for effect in named if effect.parameter], before - after),
+        Part(UNEXPLAINED, MECHANICS, "none", selected.left[0]),
+        Part(UNEXPLAINED, DRIVE, "none", selected.left[1]),
+    ]
+    whole = sum(max(part.share, 0.0) for part in parts) or 1.0
+    return tuple(part._replace(share=max(part.share, 0.0) / whole) for part in parts)
+
+
+def _of_parameters(off: Sequence[FoundEffect], taken: float) -> list[Part]:
+    """What the parameters that are off take, for each block by itself, at the coordinate of its largest one."""
+    ranked = sorted(off, key=lambda effect: -effect.share)
+    first = {effect.block: effect.coordinate for effect in reversed(ranked)}
+    whole = sum(effect.share for effect in off) or 1.0
+    return [
+        Part(PARAMETERS, block, place, taken * sum(effect.share for effect in off if effect.block == block) / whole)
+        for block, place in first.items()
+    ]
+
+
+def blocks(parts: Sequence[Part], parity: CommandCheck, measured: bool) -> dict[str, float | None]:
+    """Share of each of `BLOCKS` in the causes that are known best; None where the block's cut was impossible."""
+    if not parity.agrees:
+        return {name: float(name == CONTROLLER) for name in BLOCKS}
+    impossible = {CONTROLLER: not parity.checked, DRIVE: not measured}
+    causes = causes_of(parts)
+    whole = sum(part.share for part in causes)
+    shares = dict.fromkeys(BLOCKS, 0.0)
+    for part in causes:
+        shares[part.block] += part.share / whole if whole else 0.0
+    return {name: share if share or not impossible.get(name) else None for name, share in shares.items()}
+
+
+def causes_of(parts: Sequence[Part]) -> list[Part]:
+    """The named effects; where there are none the parameters; where there are none either the unexplained."""
+    effects = [part for part in parts if part.name not in (PARAMETERS, UNEXPLAINED)]
+    if effects:
+        return [part._replace(share=max(part.share, 1e-9)) for part in effects]
+    of_parameters = [part for part in parts if part.name == PARAMETERS and part.share > 0.0]
+    return of_parameters or [part for part in parts if part.name == UNEXPLAINED]
+
+
+def with_coordinates(parts: Sequence[Part], predicted: Sequence[Coordinate]) -> tuple[Coordinate, ...]:
+    """Coordinates of the causes by their shares, next to what functions of single coordinates predict of the rest."""
+    causes = [part for part in causes_of(parts) if part.name != UNEXPLAINED]
+    rest = sum(part.share for part in parts if part.name == UNEXPLAINED)
+    whole = sum(part.share for part in causes) + rest or 1.0
+    shares = {item.name: rest / whole * item.share for item in predicted}
+    for part in causes:
+        if part.coordinate != "none":
+            shares[part.coordinate] = shares.get(part.coordinate, 0.0) + part.share / whole
+    return tuple(Coordinate(name, share) for name, share in sorted(shares.items(), key=lambda pair: -pair[1]))

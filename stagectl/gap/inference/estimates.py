@@ -1,0 +1,91 @@
+"""Parameters of the model as fitted, with their common errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.residuals import friction_family, least_squares
+from stagectl.gap.selection import baseline_fit
+from stagectl.gap.selection.linearised import Errors
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.kernels import stage
+
+
+class Estimate(NamedTuple):
+    """A parameter as fitted, SI."""
+
+    value: float
+    nominal: float
+    deviation: float  # standard
+    scale: float  # to which its change is relative
+    prior: float  # standard deviation around the nominal value before the data
+
+
+class Joint(NamedTuple):
+    """Estimates with their common errors."""
+
+    estimates: Mapping[str, Estimate]
+    matrix: Array  # (n, n) their mean square errors, in this order
+
+    def given(self, name: str, others: Sequence[str]) -> Estimate:
+        """The estimate of `name` where `others` are at their nominal values."""
+        names, estimate = list(self.estimates), self.estimates[name]
+        fixed = [other for other in others if other in names]
+        own, places = names.index(name), [names.index(other) for other in fixed]
+        back = np.array([self.estimates[other].value - self.estimates[other].nominal for other in fixed])
+        slope = self.matrix[own, places] @ least_squares.inverse(self.matrix[np.ix_(places, places)])
+        variance = self.matrix[own, own] - slope @ self.matrix[places, own]
+        return estimate._replace(
+            value=estimate.value - float(slope @ back), deviation=float(np.sqrt(max(variance, 0.0)))
+        )
+
+
+def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Joint:
+    """Values of the parameters whose errors are known."""
+    p, q, deviation = session.stage.mechanics, now.model.stage.mechanics, known.deviations()
+    values = {
+        "inertia": (q.inertia, p.inertia, p.inertia),
+        "viscous": (q.viscous, p.viscous, p.viscous or max(q.viscous, 1e-300)),
+        "bias": (q.bias, p.bias, _friction_unit(session, now)),
+        "time_shift": (now.model.shift, 0.0, session.dt),
+        "dead_time": (whole_delay(now.model.stage, session.dt), whole_delay(session.stage, session.dt), session.dt),
+    }
+    found = {
+        name: Estimate(value, nominal, deviation[name], scale, e.base.prior.width(name))
+        for name, (value, nominal, scale) in values.items()
+        if name in deviation
+    }
+    found["coulomb"] = _coulomb(session, e, now, known)
+    rows = np.array([_functional(name, known.names) for name in found])
+    return Joint(found, rows @ known.matrix @ rows.T)
+
+
+def whole_delay(p: stage.Stage, dt: float) -> float:
+    """From a command to the current of the drive (s): whole periods `dt` (s), dead time and current loop."""
+    return p.drive.delay_samples * dt + p.drive.dead_time + p.drive.current_lag
+
+
+def _friction_unit(session: Session, now: Fitted) -> float:
+    """The friction (N m | N) to which a change is relative: the nominal one, or where there is none the fitted one."""
+    nominal = stage.sliding(session.stage.friction)
+    return nominal or max(stage.sliding(now.model.stage.friction), friction_family.size(session.stage))
+
+
+def _coulomb(session: Session, e: Evidence, now: Fitted, known: Errors) -> Estimate:
+    """Coulomb friction, with the deviation of the sum of all weights of its law."""
+    weights = _functional("coulomb", known.names)
+    variance = float(weights @ known.matrix @ weights)
+    nominal, value = (stage.sliding(p.friction) for p in (session.stage, now.model.stage))
+    unit, prior = _friction_unit(session, now), e.base.prior.force
+    return Estimate(value, nominal, float(np.sqrt(max(variance, 0.0))), unit, prior)
+
+
+def _functional(name: str, columns: Sequence[str]) -> Array:
+    """(k,) What gives the parameter `name` from the amplitudes of `columns`: one of them, or the sum of all weights."""
+    if name == "coulomb":
+        return np.array([column.startswith("weight_") or baseline_fit.is_member(column) for column in columns], float)
+    return np.array([column == name for column in columns], float)

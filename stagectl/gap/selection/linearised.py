@@ -1,0 +1,169 @@
+"""Everything linear around one model: the residuals, what nuisances explain of them, and the effects that may join."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap.effects.library import EFFECTS
+from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import gram_matrices, sensitivities
+from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.residuals.half_strokes import spans
+from stagectl.gap.selection import candidates, constants, null_ensemble, refine, usual_sizes
+from stagectl.gap.selection.candidates import EffectValues, Form
+from stagectl.gap.selection.evidence import (
+    Candidate,
+    Conditioned,
+    Prior,
+    Verdict,
+    Weighed,
+    compare,
+    conditioned,
+    means,
+    temper,
+)
+from stagectl.gap.selection.refine import Evidence, Fitted
+
+WIDER = {effect.name: effect.generalisations for effect in EFFECTS.values() if effect.generalisations}
+Cuts = tuple[float, float]  # of the residual effort and of the missing current
+
+
+class Library(NamedTuple):
+    """All candidates with their columns, next to those of the base and of the null ensemble."""
+
+    forms: tuple[Form, ...]
+    products: gram_matrices.Products
+    excess: Cuts  # sum of squares above the floor that the nuisances leave of the baseline fit
+
+
+class Linearised(NamedTuple):
+    """The sets of effects that may join one model, compared."""
+
+    start: Conditioned
+    candidates: list[Candidate]
+    forms: tuple[Form, ...]
+    excess: Cuts
+    verdict: Verdict
+
+    def values(self, chosen: Weighed) -> list[EffectValues]:
+        """The effects of a set, with their most probable sizes."""
+        members = [self.candidates[k] for k in chosen.members]
+        sizes = means(self.start, [member.prior for member in members])
+        forms = [self.forms[member.form] for member in members]
+        return [EffectValues(f.effect, f.values(size.tolist())) for f, size in zip(forms, sizes, strict=True)]
+
+
+def library_of(e: Evidence, forms: Sequence[Form], products: gram_matrices.Products) -> Library:
+    """The candidates `forms`, whose columns `products` hold, next to the baseline fit."""
+    now = refine.start(e)
+    g = gram_matrices.fold_sums(products, now.residuals)
+    return Library(tuple(forms), products, excess_of(g, _parameters(e, now, g)))
+
+
+def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | None = None) -> Linearised:
+    """The sets that may join `now`, compared; `out` is an effect that was just taken out of it, with its values."""
+    refined = () if out is None else (as_form(out),)
+    columns = [*refine.parameters(now), *(each for form in refined for each in candidates.directions(form))]
+    more = sensitivities.all_columns(now.equipped, e.runs, columns, e.base.noise)
+    g = gram_matrices.fold_sums(gram_matrices.with_columns(library.products, more), now.residuals)
+    present = {valued.effect.name for valued in now.effects}
+    forms = tuple(form for form in (*library.forms, *refined) if form.effect.name not in present)
+    tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
+    nuisances = _parameters(e, now, g)
+    start = _start(g, [*nuisances, usual_sizes.immaterial(library.forms, g.places)], library.excess, _strokes(e))
+    return Linearised(start, tried, forms, excess_of(g, nuisances), compare(start, tried, WIDER))
+
+
+def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
+    """Sum of squares above the floor that base, friction and the effects' own parameters leave."""
+    own = sensitivities.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
+    names = [*refine.moving(e), *null_ensemble.member_names(library.products.names)]
+    known = gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
+    g = gram_matrices.fold_sums(known, now.residuals)
+    return excess_of(g, _parameters(e, now, g))
+
+
+class Errors(NamedTuple):
+    """What is known of base, friction and effects next to the model that was selected."""
+
+    grams: Grams  # of all columns and the residual
+    names: tuple[str, ...]
+    matrix: Array  # (k, k) mean square error of their values in the model
+
+    def deviations(self) -> dict[str, float]:
+        """Standard error of each parameter."""
+        return dict(zip(self.names, np.sqrt(np.maximum(np.diag(self.matrix), 0.0)).tolist(), strict=True))
+
+
+def errors(e: Evidence, library: Library, now: Fitted) -> Errors:
+    """Of all parameters of `now`, with their priors and the friction's form."""
+    own = sensitivities.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
+    names = [*refine.moving(e), *null_ensemble.member_names(library.products.names)]
+    known = gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
+    g, count = gram_matrices.grams(known, now.residuals), _strokes(e)
+    nuisances = _parameters(e, now, g)
+    counted = gram_matrices.tempered(g, *(temper(left, count) for left in excess_of(g, nuisances)))
+    order = [g.names[place] for prior in nuisances for place in prior.places]
+    mean = np.concatenate([prior.mean for prior in nuisances])
+    precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
+    return Errors(g, tuple(order), gram_matrices.mean_square_error(counted, order, mean, precision))
+
+
+def as_form(valued: EffectValues) -> Form:
+    """An effect at its refined values, as one more place on the grid of its shapes."""
+    effect, values = valued.effect, valued.values
+    typical = tuple(
+        values[a.name] if abs(values[a.name]) > constants.LEAST_SIZE * abs(a.typical[0]) else a.typical[0]
+        for a in effect.amplitudes
+    )
+    names = tuple(f"{effect.name}(refined).{a.name}" for a in effect.amplitudes)
+    return Form(effect, {shape.name: values[shape.name] for shape in effect.shapes}, typical, names)
+
+
+def _parameters(e: Evidence, now: Fitted, g: Grams) -> list[Prior]:
+    """Priors of the base, of the friction's form, and of the parameters of the effects in the model."""
+    base = usual_sizes.of_base(e.base.prior, now.model, refine.moving(e), g.places)
+    form = usual_sizes.of_form_error(g.places(null_ensemble.member_names(g.names)))
+    return [base, form, usual_sizes.of_own(now, g.places)]
+
+
+def excess_of(g: Grams, nuisances: Sequence[Prior]) -> Cuts:
+    """Sum of squares above the floor that `nuisances` leave.
+
+    Of the current the whole counts: the time shift belongs to the mechanics, and would hide a dead time.
+    """
+    floor = g.floor.sum(axis=0)
+    return _left(g.effort.sum(axis=0), nuisances) - float(floor[0]), float(g.current[:, -1, -1].sum() - floor[1])
+
+
+def _left(g: Array, nuisances: Sequence[Prior]) -> float:
+    places = [place for prior in nuisances for place in prior.places]
+    amplitude = np.concatenate(means(Conditioned(g[:-1, :-1], g[:-1, -1], 0.0), nuisances))
+    a, b = g[np.ix_(places, places)], g[places, -1]
+    return float(g[-1, -1] - 2.0 * b @ amplitude + amplitude @ a @ amplitude)
+
+
+def _start(g: Grams, nuisances: Sequence[Prior], left: Cuts, count: int) -> Conditioned:
+    """The tempered data with all nuisances integrated out; `left` is what the baseline fit leaves of each cut.
+
+    An effect that explains much explains it with an error of form, so the temper stays that of the beginning.
+    """
+    mixed = temper(left[0], count) * g.effort.sum(axis=0) + temper(left[1], count) * g.current.sum(axis=0)
+    state = Conditioned(mixed[:-1, :-1], mixed[:-1, -1], 0.0)
+    for prior in nuisances:
+        if prior.places:
+            state = conditioned(state, prior)
+    return state
+
+
+def _strokes(e: Evidence) -> int:
+    """Number of half strokes, repeats of one not counted."""
+    return sum(len(spans(run.cluster)) for run in e.runs)
+
+
+def _excited(g: Grams, candidate: Candidate) -> bool:
+    """Whether the data have its columns at all."""
+    return all(g.both[:, k, k].sum() > 0.0 for k in candidate.prior.places)

@@ -1,0 +1,149 @@
+"""The effects that are in the data: the evidence compared, the best set refined by simulation, and compared again.
+
+::
+
+    linearise at the model --> compare sets of effects --> refine the best set by simulation --+
+            ^                                                                                  |
+            +-------------------- while the set grows, and the fit confirms it <---------------+
+
+Then every effect is taken out in turn and compared with all others in its place: its probability, its rivals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap.effects.effect import DRIVE
+from stagectl.gap.effects.library import EFFECTS
+from stagectl.gap.selection import candidates, constants, linearised, refine
+from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.linearised import Library, Linearised
+from stagectl.gap.selection.refine import Evidence, Fitted
+
+Say = Callable[[str], None]
+Predictable = Callable[[Fitted], float]  # sum of squares that the best function of one coordinate predicts
+
+
+class Selection(NamedTuple):
+    """The effects that the evidence selects, and how well each of them is established."""
+
+    fitted: Fitted
+    left: linearised.Cuts  # sum of squares above the floor that nothing of the model explains
+    probability: dict[str, float]  # of each effect
+    alternatives: dict[str, dict[str, float]]  # of each effect: odds of others in its place against it
+    gains: dict[str, float]  # of each effect: sum of squares that nothing else of the model explains
+    rivals: dict[str, dict[str, EffectValues]]  # the comparable alternatives, with their values
+
+
+def select(e: Evidence, library: Library, say: Say, predictable: Predictable) -> Selection:
+    """The effects that are in the data; `say` reports what is added and dropped.
+
+    Mechanical effects end where a function of one coordinate predicts far more of the residuals than the best set of
+    them explains: the evidence compares what the library holds, and the cause is not in it then.
+    """
+    now = refine.start(e)
+    while len(now.effects) < constants.MOST_EFFECTS:
+        at = linearised.linearised(e, library, now)
+        added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
+        after = _grown(e, now, added)
+        if after is not None and any(valued.effect.block != DRIVE for valued in added):
+            explained = at.excess[0] - linearised.excess(e, library, after)[0]
+            if explained < constants.ADEQUATE * predictable(now):
+                after = _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE])
+        if after is None:
+            break
+        present = {valued.effect.name for valued in now.effects}
+        say(f"added {', '.join(v.effect.name for v in after.effects if v.effect.name not in present)}")
+        now = after
+    return established(e, library, now, say)
+
+
+def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues]) -> Fitted | None:
+    """`now` with further effects, refined by simulation; None where there are none or they do not fit."""
+    if not added:
+        return None
+    places = [_resonant(e, now, valued) for valued in added]
+    after = refine.refine(e, now.model, joined(now.effects, places))
+    return after if after.residual_sum_of_squares < now.residual_sum_of_squares else None
+
+
+def _resonant(e: Evidence, now: Fitted, valued: EffectValues) -> EffectValues:
+    """Initial values of an effect: as they are, or the best place on the grid of a resonance."""
+    if not valued.effect.resonant:
+        return valued
+    forms = candidates.forms([valued.effect])
+    places = [EffectValues(valued.effect, form.values(form.typical)) for form in forms]
+    refined = [refine.refine(e, now.model, [*now.effects, place], 1) for place in places]
+    finite = [fitted for fitted in refined if np.isfinite(fitted.residual_sum_of_squares)]
+    return min(finite, key=lambda fitted: fitted.residual_sum_of_squares).effects[-1] if finite else valued
+
+
+def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> list[EffectValues]:
+    """The effects with more of them; a wider form of a present effect takes its place and its values."""
+    kept, fresh = list(present), []
+    for valued in added:
+        narrow = next((old for old in kept if old.effect.name == EFFECTS[valued.effect.name].extends), None)
+        known = {} if narrow is None else {name: x for name, x in narrow.values.items() if name in valued.values}
+        kept = [old for old in kept if old is not narrow]
+        fresh.append(EffectValues(valued.effect, {**valued.values, **known}))
+    return [*kept, *fresh]
+
+
+def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
+    """Every effect of `now` taken out in turn; the one whose place is most probably empty is dropped, then the next.
+
+    What a simulation makes no larger than a trace is dropped first, whatever the evidence around the model says of it.
+    """
+    if trace := next((valued.effect.name for valued in now.effects if is_trace(valued)), ""):
+        return _dropped(e, library, now, trace, say)
+    left = linearised.excess(e, library, now)
+    selection = Selection(now, left, {}, {}, {}, {})
+    empty: dict[str, float] = {}
+    for valued in now.effects:
+        at = linearised.linearised(e, library, without(e, now, valued), valued)
+        selection.gains[valued.effect.name] = sum(at.excess) - sum(left)
+        empty[valued.effect.name] = at.verdict.of_sets().get(frozenset(), 0.0)
+        _enter(selection, at, valued.effect.name)
+    weak = max(empty, key=empty.__getitem__, default="")
+    if not weak or empty[weak] <= 1.0 - constants.KEPT:
+        return selection
+    return _dropped(e, library, now, weak, say)
+
+
+def _dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
+    say(f"dropped {name}")
+    kept = [valued for valued in now.effects if valued.effect.name != name]
+    return established(e, library, refine.refine(e, now.model, kept), say)
+
+
+def is_trace(valued: EffectValues) -> bool:
+    """Whether an effect is no larger than what every machine has of it; one whose column bends has no trace."""
+    sizes = [valued.values[a.name] / a.typical[0] for a in valued.effect.amplitudes]
+    return not valued.effect.nonlinear and math.hypot(*sizes) < constants.IMMATERIAL
+
+
+def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
+    """`now` without one of its effects, everything else as it is."""
+    rest = tuple(other for other in now.effects if other is not valued)
+    return Fitted(now.model, rest, refine.residuals(e, now.model, rest), np.nan)
+
+
+def _enter(selection: Selection, at: Linearised, name: str) -> None:
+    """What the evidence says of the effect `name` that was taken out, and of others in its place."""
+    sets = [item for item in at.verdict.sets if name not in item.effects]
+    present = at.verdict.of_effects().get(name, 0.0)
+    odds: dict[str, float] = {}
+    rivals: dict[str, EffectValues] = {}
+    for item in sets:
+        for other in item.effects:
+            odds[other] = odds.get(other, 0.0) + item.probability / max(present, 1e-300)
+    for other in (other for other, ratio in odds.items() if ratio >= constants.COMPARABLE):
+        best = next(item for item in sets if other in item.effects)
+        rivals[other] = next(valued for valued in at.values(best) if valued.effect.name == other)
+    selection.probability[name] = present
+    selection.alternatives[name] = dict(sorted(odds.items(), key=lambda pair: -pair[1]))
+    selection.rivals[name] = rivals

@@ -1,0 +1,84 @@
+"""What is known before the data: the base's parameters around their nominal values, and every effect's usual sizes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from stagectl.gap.residuals.sensitivities import TrackedModel
+from stagectl.gap.selection import constants, priors
+from stagectl.gap.selection.candidates import Form
+from stagectl.gap.selection.evidence import Candidate, Prior
+from stagectl.gap.selection.refine import Fitted
+
+Places = Callable[[Sequence[str]], list[int]]  # of columns, by their names
+
+
+def of_base(prior: priors.Prior, now: TrackedModel, names: Sequence[str], places: Places) -> Prior:
+    """The base's parameters `names`, as steps from where the model `now` has them."""
+    moved, width = np.array([prior.informed(now, names)[name] for name in names]).T
+    return Prior(tuple(places(names)), -moved, width)
+
+
+def of_form_error(members: Sequence[int]) -> Prior:
+    """The friction's error of form: a mixture of the null ensemble's `members` with the spread of a single one."""
+    deviation = np.full(len(members), max(len(members), 1) ** -0.5)
+    return Prior(tuple(members), np.zeros(len(members)), deviation)
+
+
+def immaterial(forms: Sequence[Form], places: Places) -> Prior:
+    """Every effect at a size that does not matter: a few per cent of the typical one, over all places on its grid.
+
+    Each machine has a trace of everything, so that a trace is no finding; and what the effects explain, they explain
+    with an error of form.  An effect whose column bends with its size has no column of a trace.
+    """
+    straight, counts = [form for form in forms if not form.effect.nonlinear], _counts(forms)
+    sizes = [
+        constants.IMMATERIAL * abs(size) / counts[form.effect.name] ** 0.5 for form in straight for size in form.typical
+    ]
+    columns = tuple(places([name for form in straight for name in form.names]))
+    return Prior(columns, np.zeros(len(columns)), np.array(sizes))
+
+
+def _counts(forms: Sequence[Form]) -> Counter[str]:
+    return Counter(form.effect.name for form in forms)
+
+
+def of_effects(forms: Sequence[Form], places: Places) -> list[Candidate]:
+    """Every form of every effect at every scale; an effect's forms share its prior."""
+    counts = _counts(forms)
+    return [
+        candidate
+        for number, form in enumerate(forms)
+        for candidate in _candidates(form, number, tuple(places(form.names)), 1.0 / counts[form.effect.name])
+    ]
+
+
+def _candidates(form: Form, number: int, places: tuple[int, ...], share: float) -> list[Candidate]:
+    """One form at every scale; one whose column bends with its size at the size at which the column was taken."""
+    size, name = np.abs(np.array(form.typical)), form.effect.name
+    if form.effect.nonlinear:
+        return [Candidate(name, number, Prior(places, np.array(form.typical), constants.BENT * size), share)]
+    size = np.abs(np.array([amplitude.typical[0] for amplitude in form.effect.amplitudes]))
+    positive = all(amplitude.low == 0.0 for amplitude in form.effect.amplitudes)
+    scales, none = constants.SCALES, np.zeros(len(size))
+    return [
+        Candidate(name, number, Prior(places, none, scale * size), share / len(scales), positive) for scale in scales
+    ]
+
+
+def of_own(now: Fitted, places: Places) -> Prior:
+    """The parameters of the effects that are in the model, as steps from their fitted values."""
+    names, deviations = [], []
+    for valued in now.effects:
+        effect = valued.effect
+        sizes = [
+            (a.name, constants.SCALES[-1] * max(abs(valued.values[a.name]), abs(a.typical[0])))
+            for a in effect.amplitudes
+        ]
+        sizes += [(s.name, constants.SHAPE * valued.values[s.name]) for s in effect.shapes if s.refined]
+        names += [f"{effect.name}.{name}" for name, _ in sizes]
+        deviations += [size for _, size in sizes]
+    return Prior(tuple(places(names)), np.zeros(len(names)), np.array(deviations))

@@ -1,0 +1,81 @@
+"""The FMU's file: descriptions, sources, and the binary of this platform where there is a C compiler."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import uuid
+import zipfile
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import fmpy
+
+from stagectl.config.stage_file import Setup
+from stagectl.interchange.fmu import description, model_header
+from stagectl.interchange.fmu.variables import variables
+from stagectl.units import StageError
+
+SOURCE = "fmi3.c"
+COMPILERS = ("cc", "gcc", "clang")
+_SPACE = uuid.UUID("7c9df1f2-6d6f-4d2c-9a3e-2f4c0c1f5a10")  # of the tokens of these models
+
+
+class CompileError(StageError):
+    """A C compiler that did not accept the model."""
+
+
+def compiler() -> str | None:
+    """The C compiler: that of the environment's CC, else the first on the path; None where there is none."""
+    named = os.environ.get("CC")
+    return next((found for name in ([named] if named else COMPILERS) if (found := shutil.which(name))), None)
+
+
+def write(setup: Setup, path: Path, with_compiler: str | None) -> None:
+    """Write the FMU `path`; without a compiler it has its sources only.
+
+    Raises CompileError, and OSError where the file cannot be written.
+    """
+    identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    identifier = f"_{identifier}" if identifier[0].isdigit() else identifier
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        _sources(setup, folder, identifier)
+        if with_compiler is not None:
+            _compile(with_compiler, folder, identifier)
+        _zip(folder, path)
+
+
+def _sources(setup: Setup, folder: Path, identifier: str) -> None:
+    each = variables(setup)
+    header = model_header.header(setup, each)
+    token = f"{{{uuid.uuid5(_SPACE, header)}}}"
+    sources = folder / "sources"
+    shutil.copytree(Path(fmpy.__file__).parent / "c-code", sources, ignore=shutil.ignore_patterns("*.txt", "fmi[12]*"))
+    shutil.copy(Path(__file__).parent / SOURCE, sources)
+    texts = {
+        "sources/model.h": f'#define TOKEN "{token}"\n{header}',
+        "sources/buildDescription.xml": description.build_description(identifier, SOURCE),
+        "modelDescription.xml": description.model_description(setup, each, identifier, token),
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def _compile(command: str, folder: Path, identifier: str) -> None:
+    binary = folder / "binaries" / fmpy.platform_tuple / f"{identifier}{fmpy.sharedLibraryExtension}"
+    binary.parent.mkdir(parents=True)
+    options = [*description.OPTIONS.split(), "-fPIC", "-shared"]
+    words = [command, *options, str(folder / "sources" / SOURCE), "-o", str(binary), "-lm"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise CompileError(f"{' '.join(words)} ended with {done.returncode}: {done.stderr.strip()}")
+
+
+def _zip(folder: Path, path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in sorted(folder.rglob("*")):
+            if file.is_file():
+                archive.write(file, file.relative_to(folder))

@@ -1,0 +1,1 @@
+"""The stage as an actuator of Isaac Lab: friction as PhysX has it, armature, effort limit, delay."""

@@ -1,0 +1,70 @@
+"""One joint under PhysX' joint friction, as its documentation gives the rule.
+
+Each solver iteration takes the impulse that would stop the joint.  Within the static friction it is applied; beyond it,
+it is held within the dynamic friction and the viscous one at the joint's velocity::
+
+    P_c = P - J v             |P_c| <= T_s dt:  P = P_c
+                              else              P = P_c within +-(T_d + c |v|) dt
+
+Source: PhysX Team, Articulation Joint Friction, April 28, 2025 (documentation of PhysX 5.6.1), equation (1) and the
+clamp of the accumulated impulse; the delay and the effort limit are Isaac Lab's, in its explicit actuators.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.interchange.constants import SOLVER_ITERATIONS
+from stagectl.interchange.isaac.configuration import Configuration, read
+from stagectl.interchange.round_trip import Array, Simulated
+
+
+class Joint(NamedTuple):
+    """Parameters of the joint."""
+
+    inertia: float
+    static: float  # N m | N
+    dynamic: float
+    viscous: float  # N m s/rad | N s/m
+
+
+def simulated(path: Path) -> Simulated:
+    """What runs commands through the configuration of the file `path`."""
+    return lambda current: _positions(read(path), current)
+
+
+def _positions(found: Configuration, current: Array) -> Array:
+    entries = found.entries
+    p = Joint(
+        entries["armature"], entries["friction"], entries["dynamic_friction"], entries["viscous_friction"]
+    )  # fmt: skip
+    limit = math.inf if entries["actuator_effort_limit"] is None else entries["actuator_effort_limit"]
+    efforts = np.clip(_late(found.constant * current + found.bias, entries["max_delay"]), -limit, limit)
+    position, velocity, positions = 0.0, 0.0, np.empty(len(current))
+    for k, effort in enumerate(efforts.tolist()):
+        positions[k] = position
+        velocity = step(p, velocity, effort, found.step)
+        position += found.step * velocity
+    return positions
+
+
+def _late(efforts: Array, delay: int) -> Array:
+    return np.concatenate([np.full(delay, efforts[0]), efforts])[: len(efforts)]
+
+
+def step(p: Joint, velocity: float, effort: float, dt: float) -> float:
+    """The velocity (rad/s | m/s) after a step under an effort (N m | N)."""
+    velocity += dt * effort / p.inertia
+    impulse = 0.0
+    for _ in range(SOLVER_ITERATIONS):
+        stopping = impulse - p.inertia * velocity
+        if abs(stopping) > p.static * dt:
+            most = (p.dynamic + p.viscous * abs(velocity)) * dt
+            stopping = min(max(stopping, -most), most)
+        velocity += (stopping - impulse) / p.inertia
+        impulse = stopping
+    return velocity

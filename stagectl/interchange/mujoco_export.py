@@ -1,0 +1,47 @@
+"""A stage as a MuJoCo model, tried there at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stagectl.config.stage_file import Setup
+from stagectl.interchange import mujoco_model
+from stagectl.interchange.bristles import GAUSSIAN
+from stagectl.interchange.exported import ExportedModel, write_texts
+from stagectl.interchange.losses import lost
+from stagectl.interchange.round_trip import compared
+
+
+def to_mujoco(setup: Setup, path: Path) -> ExportedModel:
+    """Write the MJCF file `path` and, for stop operators, the passive force beside it; run both in MuJoCo.
+
+    Raises ExportError where a file cannot be written.
+    """
+    import mujoco
+
+    from stagectl.interchange.mujoco_run import simulated
+
+    friction = path.with_name(f"{path.stem.replace('-', '_')}_friction.py")
+    exact = mujoco_model.operators(setup.stage)
+    files = {path: mujoco_model.model(setup)} | ({friction: mujoco_model.callback(setup.stage)} if exact else {})
+    write_texts(files)
+    variants = {path.name: compared(setup, simulated(setup, path))}
+    if exact:
+        variants[f"{path.name} with {friction.name}"] = compared(setup, simulated(setup, path, friction))
+    losses = [*lost(setup, mujoco_model.HELD), *_shapes(setup)]
+    return ExportedModel(f"MuJoCo {mujoco.__version__}", tuple(files), variants, losses)
+
+
+def _shapes(setup: Setup) -> list[str]:
+    """Shapes of the friction that the file has in another form."""
+    p, words = setup.stage.friction, []
+    if mujoco_model.operators(setup.stage):
+        words.append(
+            "friction: stop operators, which the XML file alone has as fitted bristles; the Python file has them"
+        )
+    for stribeck in (p.stribeck, p.bristle.stribeck):
+        if stribeck.rise and stribeck.shape != GAUSSIAN:
+            words.append(f"friction.stribeck.shape = {stribeck.shape:g}: the XML file has a fitted Gaussian, shape 2")
+    if p.bristle.coulomb and p.bristle.exponent != 1.0:
+        words.append(f"friction.exponent = {p.bristle.exponent:g}: in the XML file the approach is exponential, 1")
+    return words

@@ -1,0 +1,146 @@
+"""The plant as a MuJoCo model (MJCF): a joint, a current-controlled drive, and passive friction and cogging.
+
+::
+
+    ctrl (A) --> delay --> limit --> lag --> Kt ----+--> joint (inertia, viscous) --> sensor, late by nm Ts
+                                       bias --------+
+        dcmotor without input: one LuGre bristle ---+   as many as the friction needs
+        dcmotor without input: cogging -------------+
+
+Stop operators become bristles that only resemble them; `passive_force` beside the model gives them exactly.
+
+The control is the current that the law commands, in A; positions are in the axis' own unit (rad | m).
+Source of the elements: MuJoCo's XML reference, `actuator/general` and `actuator/dcmotor`, version 4.0.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+from stagectl.config.stage_file import Setup
+from stagectl.interchange.bristles import bristles, gaussian
+from stagectl.interchange.constants import LAG_STEPS
+from stagectl.kernels import stage
+from stagectl.kernels.effects import TURN, Harmonic
+from stagectl.kernels.friction_bristle import Bristle
+from stagectl.kernels.plant import Stage
+from stagectl.units import LINEAR
+
+AXIS = "axis"  # name of body, joint and actuator
+FITTED = 1  # actuator group of the bristles that stand for stop operators
+
+# Entries of the plant that the model holds; whatever else is not neutral is reported as lost.
+HELD = {
+    "drive": {"delay_samples", "dead_time", "current_limit", "current_lag"},
+    "motor": {"force_constant", "cogging", "cogging_second"},
+    "mechanics": {"inertia", "viscous", "bias", "pitch"},
+    "friction": {"operators", "stribeck", "bristle"},
+    "encoder": {"delay_samples"},
+}
+
+
+def model(setup: Setup) -> str:
+    """The text of the MJCF file."""
+    p, time = setup.stage, step(setup)
+    root = ElementTree.Element("mujoco", model=setup.file.name)
+    option = _child(root, "option", timestep=time, gravity="0 0 0", integrator="implicitfast")
+    _child(option, "flag", contact="disable")
+    if operators(p):
+        _child(root, "size", nuserdata=len(p.friction.operators.weight) + 2)
+    linear = setup.file.axis.kind == LINEAR
+    body = _child(_child(root, "worldbody"), "body", name=AXIS)
+    _child(body, "joint", name=AXIS, type="slide" if linear else "hinge", axis="1 0 0", damping=p.mechanics.viscous)
+    inertia = p.mechanics.inertia
+    _child(body, "inertial", pos="0 0 0", mass=inertia, diaginertia=f"{inertia!r} {inertia!r} {inertia!r}")
+    actuators = _child(root, "actuator")
+    _drive(actuators, setup)
+    each = bristles(p.friction)
+    for number, bristle in enumerate(each):
+        fitted = bristle is not p.friction.bristle
+        _passive(actuators, f"friction{number}", lugre=_lugre(bristle), group=FITTED if fitted else 0)
+    for name in ("cogging", "cogging_second"):
+        wave: Harmonic = getattr(p.motor, name)
+        if wave.amplitude:
+            _passive(actuators, name, cogging=f"{wave.amplitude!r} {_order(p, wave)!r} {wave.phase!r}")
+    late = _delayed(p.encoder.delay_samples * setup.dt, time)
+    _child(_child(root, "sensor"), "jointpos", name="measured", joint=AXIS, **late)
+    _rest(root, p, each)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def operators(p: Stage) -> bool:
+    """Whether stop operators act, which the XML file alone cannot hold."""
+    return bool(sum(p.friction.operators.weight) > 0.0)
+
+
+def callback(p: Stage) -> str:
+    """The text of the Python file that gives the stop operators exactly."""
+    lines = (Path(__file__).parent / "passive_force.py").read_text(encoding="utf-8").splitlines()
+    friction = p.friction
+    values = {
+        "WEIGHT": [float(x) for x in friction.operators.weight],
+        "SLIP": [float(x) for x in friction.operators.slip],
+        "START": [float(x) for x in stage.at_rest(p).stops],
+        "STRIBECK": tuple(friction.stribeck),
+    }
+    for number, line in enumerate(lines):
+        name = line.split(":")[0].split(" = ")[0]
+        if name in values:
+            lines[number] = f"{name} = {values[name]}  {line[line.index('#') :]}"
+    return "\n".join(lines) + "\n"
+
+
+def step(setup: Setup) -> float:
+    """Time step (s): a whole part of the control period, as short as that of ours, and within the current's lag."""
+    lag = setup.stage.drive.current_lag
+    parts = max(setup.file.simulation.substeps, math.ceil(LAG_STEPS * setup.dt / lag) if lag else 1)
+    return setup.dt / parts
+
+
+def _drive(actuators: ElementTree.Element, setup: Setup) -> None:
+    """The current of the drive and its effort, with the constant effort on the axis."""
+    p = setup.stage
+    options = _delayed(p.drive.delay_samples * setup.dt + p.drive.dead_time, step(setup))
+    if p.drive.current_lag:
+        options |= {"dyntype": "filterexact", "dynprm": p.drive.current_lag}
+    limit = p.drive.current_limit
+    if math.isfinite(limit):
+        options |= {"ctrllimited": "true", "ctrlrange": f"{-limit!r} {limit!r}"}
+    bias = {"biastype": "affine", "biasprm": f"{p.mechanics.bias!r} 0 0"}
+    _child(actuators, "general", name=AXIS, joint=AXIS, gainprm=p.motor.force_constant, **bias, **options)
+
+
+def _rest(root: ElementTree.Element, p: Stage, each: list[Bristle]) -> None:
+    """Where it stands by itself: every bristle carries its share of the constant effort."""
+    whole = sum(bristle.coulomb for bristle in each) or 1.0
+    deflections = [p.mechanics.bias * bristle.coulomb / whole / bristle.stiffness for bristle in each]
+    states = [0.0, *deflections] if p.drive.current_lag else deflections
+    _child(_child(root, "keyframe"), "key", name="rest", act=" ".join(map(repr, states)))
+
+
+def _delayed(late: float, time: float) -> dict[str, object]:
+    """A delay (s), less half a time step: rounding of the clock must not choose between two samples."""
+    return {"nsample": round(late / time) + 1, "delay": late - 0.5 * time} if late else {}
+
+
+def _passive(actuators: ElementTree.Element, name: str, **effect: object) -> None:
+    _child(actuators, "dcmotor", name=name, joint=AXIS, input="none", motorconst="0 0", resistance=1.0, **effect)
+
+
+def _lugre(p: Bristle) -> str:
+    curve = gaussian(p.stribeck)
+    static = p.coulomb * (1.0 + curve.rise)
+    return " ".join(map(repr, (p.stiffness, p.damping, p.coulomb, static, curve.velocity)))
+
+
+def _order(p: Stage, wave: Harmonic) -> float:
+    """Periods of a harmonic a radian of MuJoCo's angle, which is the position itself."""
+    return wave.order * TURN / p.mechanics.pitch
+
+
+def _child(parent: ElementTree.Element, tag: str, /, **entries: object) -> ElementTree.Element:
+    words = {key: repr(value) if isinstance(value, float) else str(value) for key, value in entries.items()}
+    return ElementTree.SubElement(parent, tag, words)

@@ -1,0 +1,89 @@
+"""Three motions under the same commands, in the other simulator and in ours: how far the positions are apart.
+
+The commands are a current without feedback, in whole steps of the drive's command: sines within the rolling zone,
+close to break-away, and beyond it.  A loop would hide what a model gets wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.config.stage_file import Setup
+from stagectl.interchange.constants import MOTION_PERIODS, MOTIONS, TRIED
+from stagectl.kernels import friction, friction_bristle, stage
+
+Array = NDArray[np.float64]
+Simulated = Callable[[Array], Array]  # commands (n,) A, one a control period -> positions (n,) rad | m
+
+
+class Compared(NamedTuple):
+    """One motion, here and there."""
+
+    name: str
+    time: Array  # (n,) s
+    ours: Array  # (n,) rad | m
+    theirs: Array
+    frictionless: Array  # ours, without friction
+
+    @property
+    def difference(self) -> float:
+        """Rms of the difference (rad | m)."""
+        return _rms(self.theirs - self.ours)
+
+    @property
+    def of_friction(self) -> float:
+        """That over what the friction changes of the motion."""
+        return self.difference / _rms(self.ours - self.frictionless)
+
+    @property
+    def of_motion(self) -> float:
+        """That over the motion itself."""
+        return self.difference / _rms(self.ours - self.ours[0])
+
+
+def compared(setup: Setup, there: Simulated) -> list[Compared]:
+    """The three motions, simulated `there` and here."""
+    each = []
+    for name, current in commands(setup).items():
+        time = setup.dt * np.arange(len(current), dtype=np.float64)
+        free = _without_friction(setup)
+        each.append(Compared(name, time, positions(setup, current), there(current), positions(free, current)))
+    return each
+
+
+def commands(setup: Setup) -> dict[str, Array]:
+    """Currents (n,) A of the motions, by their name."""
+    p = setup.stage
+    holds = stage.sliding(p.friction) / p.motor.force_constant
+    periods = round(MOTION_PERIODS / TRIED / setup.dt)
+    t = setup.dt * np.arange(periods)
+    wave = np.sin(2.0 * np.pi * TRIED * t) * np.minimum(t * TRIED, 1.0)
+    quantum = p.drive.current_quantum
+    return {name: _whole(share * holds * wave, quantum) for name, share in MOTIONS.items()}
+
+
+def _whole(current: Array, quantum: float) -> Array:
+    return current if quantum == 0.0 else np.floor(current / quantum + 0.5) * quantum
+
+
+def positions(setup: Setup, current: Array) -> Array:
+    """Positions (n,) rad | m at the beginnings of the periods, from rest."""
+    x, found = stage.at_rest(setup.stage), np.empty(len(current))
+    for k, command in enumerate(current.tolist()):
+        found[k] = x.position
+        x = stage.period(setup.stage, x, command, stage.SILENT, setup.dt, setup.file.simulation.substeps)
+    return found
+
+
+def _without_friction(setup: Setup) -> Setup:
+    p = setup.stage.friction
+    none = p._replace(operators=friction.bundle([0.0], [1.0]), bristle=friction_bristle.NEUTRAL)
+    return setup._replace(stage=setup.stage._replace(friction=none))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values * values)))

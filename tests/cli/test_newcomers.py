@@ -1,0 +1,164 @@
+"""Wrong inputs of newcomers: each ends with its exit code, its place in the first two lines, and what to do next."""
+
+from __future__ import annotations
+
+import math
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Command
+from tests.conftest import CONFIG
+
+S, T = "config/ball-screw.yaml", "config/trajectories/sine-1.6hz.yaml"
+_HEAD = "time_s,position_rad,current_A"
+_ROWS = [f"{k * 1e-3:.3f},{0.5 * math.sin(k * 1e-2):.6f},{math.cos(k * 1e-2):.4f}" for k in range(300)]
+# What a person can do: a command, a file or a word that is meant, what is admissible, or an order.
+_NEXT = re.compile(
+    r"stagectl [a-z]|--help|`ls |[Dd]id you mean|must (be|lie|have|increase|give)|its columns are"
+    r"|: known are|give |choose |write it|check |replace |remove |save it|cut the log|python -m "
+    r"|copy it|name the|these can|record a|relative to"
+)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A newcomer's folder, with a bus of its own."""
+    shutil.copytree(CONFIG, tmp_path / "config")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "good.csv").write_text("\n".join([_HEAD, *_ROWS]) + "\n")
+    yield tmp_path
+    assert not list((tmp_path / "folder").iterdir())
+
+
+# A file that holds these bytes; the stage file with one text replaced; a log with these rows.
+FILES: dict[str, bytes] = {
+    "empty.yaml": b"",
+    "latin.yaml": "name: Tisch für\n".encode("latin-1"),
+    "circle.yaml": b"type: circle\nradius: 1 mm\n",
+    "far.yaml": b"type: sine\namplitude: 80 mm\nfrequency: 1 Hz\nperiods: 1\n",
+    "picture.csv": bytes(range(256)),
+    "log.xlsx": b"PK\x03\x04",
+    "log.mat": b"hello" * 100,
+    "fake.h5": b"not HDF5",
+    "short.h5": b"\x89HDF\r\n\x1a\n\x03",
+    "cut.h5": b"\x89HDF\r\n\x1a\n\x03\x08\x08\x00" + bytes(16) + (509003).to_bytes(8, "little") + bytes(100),
+    "other.json": b'{"a": 1}',
+}
+STAGES = {
+    "tabs.yaml": ("  inertia:", "\tinertia:"),
+    "comma.yaml": ("0.010 kg", "0,010 kg"),
+    "bare.yaml": ("period: 0.5 ms", "period: 0.5"),
+    "hertz.yaml": ("period: 0.5 ms", "period: 2 kHz"),
+    "typo.yaml": ("viscous:", "viscos:"),
+    "twice.yaml": ("  viscous: 0.14 N m s/rad", "  viscous: 0.14 N m s/rad\n  viscous: 0.2 N m s/rad"),
+    "negative.yaml": ("inertia: 0.010", "inertia: -0.010"),
+    "turned.yaml": ("[-50 mm, 50 mm]", "[50 mm, -50 mm]"),
+    "eds.yaml": ("stagectl-virtual.eds", "my-drive.eds"),
+    "interface.yaml": ("interface: embedded", "interface: sockecan"),
+}
+LOGS = {
+    "empty.csv": [],
+    "head.csv": [_HEAD],
+    "nan.csv": [_HEAD, *(f"{k * 1e-3},nan,nan" for k in range(300))],
+    "text.csv": [_HEAD, *_ROWS[:100], "0.1,abc,1", *_ROWS[101:]],
+    "no-current.csv": [_HEAD.rpartition(",")[0], *(row.rpartition(",")[0] for row in _ROWS)],
+    "still.csv": [_HEAD, *(f"{k * 1e-3},0.5,0" for k in range(300))],
+    "back.csv": [_HEAD, *_ROWS[::-1]],
+}
+# The words typed after `stagectl`; the place that must be named; the exit code.
+MISTAKES = [
+    (f"simulate config/ballscrew.yaml {T}", "did you mean config/ball-screw.yaml?", 2),
+    (f"simulate {S} config/trajectories/sine-16hz.yaml", "sine-16hz.yaml", 2),
+    (f"simulate config {T}", "config is not a file", 2),
+    (f"run {S} config/trajectories", "config/trajectories", 2),
+    (f"simulate good.csv {T}", "good.csv:1", 2),
+    (f"simulate {T} {S}", "trajectory file", 2),
+    (f"simulate {S} {T} --plant {T}", "trajectory file", 2),
+    (f"serve {T}", "trajectory file", 2),
+    (f"identify least-squares {S} {S}", S, 2),
+    ("config check tabs.yaml", "tabs.yaml:14", 1),
+    ("config check empty.yaml", "empty.yaml:1", 1),
+    ("config check latin.yaml", "latin.yaml:1", 1),
+    ("config check comma.yaml", "comma.yaml:14", 1),
+    ("config check bare.yaml", "control.period = 0.5", 1),
+    ("config check hertz.yaml", "control.period = 2 kHz", 1),
+    ("config check typo.yaml", "mechanics.viscos", 1),
+    ("config check twice.yaml", "mechanics.viscous", 1),
+    ("config check negative.yaml", "mechanics.inertia", 1),
+    ("config check turned.yaml", "limits.travel", 1),
+    (f"run eds.yaml {T}", "drive.wire.eds", 2),
+    (f"simulate {S} circle.yaml", "type = circle", 2),
+    (f"simulate {S} far.yaml", "limits.travel", 2),
+    (f"simulate {S} {T} --without fricton", "--without fricton", 2),
+    (f"tune {S} --margin 30", "--margin 30", 2),
+    (f"tune {S} --margin 300deg", "[0, 85.9] deg", 2),
+    (f"tune {S} --bandwidth 40kg", "--bandwidth 40kg", 2),
+    (f"identify least-squares {S} empty.csv", "empty.csv", 2),
+    (f"identify least-squares {S} head.csv", "head.csv", 2),
+    (f"identify least-squares {S} nan.csv", "nan.csv", 2),
+    (f"identify least-squares {S} text.csv", "'abc'", 2),
+    (f"identify least-squares {S} no-current.csv", "no-current.csv", 2),
+    (f"identify least-squares {S} still.csv", "still.csv", 2),
+    (f"identify least-squares {S} back.csv", "row 2", 2),
+    (f"identify least-square {S} good.csv", "least-square", 2),
+    (f"import good.csv --stage {S} --columns time=zeit,position=pos", "zeit", 2),
+    (f"import good.csv --stage {S} --columns zeit", "--columns zeit", 2),
+    (f"import picture.csv --stage {S}", "picture.csv", 2),
+    ("import log.xlsx", "log.xlsx", 2),
+    ("import goood.csv", "did you mean good.csv?", 2),
+    ("import log.mat", "log.mat", 2),
+    ("replay fake.h5", "fake.h5", 2),
+    ("replay short.h5", "short.h5 has 9 of 36 bytes", 2),
+    ("replay cut.h5", "of 509003 bytes", 2),
+    ("gap diagnose sesion", "sesion", 2),
+    ("gap diagnose folder", "folder", 2),
+    ("gap diagnose good.csv", "good.csv", 2),
+    (f"gap apply folder {S}", "folder", 2),
+    (f"gap apply {S} folder", "captures first", 2),
+    ("status --socket none/control.sock", "none/control.sock", 2),
+    (f"inject {S} encoder-stck", "encoder-stck", 2),
+    (f"inject {S} encoder-stuck duration=5kg", "fault.duration = 5kg", 2),
+    (f"simulate {S} {T} -o folder", "folder", 2),
+    (f"simulate {S} {T} -o good.csv/x.h5", "good.csv", 2),
+    ("drive probe interface.yaml", "sockecan", 2),
+    ("drive verify other.json", "other.json", 2),
+    (f"simulte {S} {T}", "simulte", 2),
+    (f"simulate {S} {T} --whitout friction", "--whitout", 2),
+    (f"simulate {S}", "TRAJECTORY.yaml", 2),
+    (f"simulate {S} {T} {T}", T, 2),
+    ("record --for 2", "--for 2", 2),
+]
+
+
+def _prepare(line: str) -> None:
+    """Write the files that `line` names."""
+    for name, content in FILES.items():
+        Path(name).write_bytes(content)
+    for name, rows in LOGS.items():
+        Path(name).write_text("\n".join(rows) + "\n" if rows else "")
+    for name, (old, new) in STAGES.items():
+        if name in line:
+            text = Path(S).read_text().replace("drives/", "config/drives/")
+            assert old in text
+            Path(name).write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(("line", "place", "code"), MISTAKES, ids=[line[:60] for line, _, _ in MISTAKES])
+def test_it_says_where_and_what_next(command: Command, line: str, place: str, code: int) -> None:
+    _prepare(line)
+    ended, out, err = command(*line.split())
+    assert (ended, out) == (code, ""), err
+    assert "Traceback" not in err
+    first = "\n".join(err.splitlines()[:2])
+    assert first.startswith("error: ") and place in first, err
+    assert _NEXT.search("\n".join(err.splitlines()[:3])), err
+
+
+def test_there_are_fifty() -> None:
+    assert len({line for line, _, _ in MISTAKES}) >= 50

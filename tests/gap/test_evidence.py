@@ -1,0 +1,129 @@
+"""The evidence against dense integrals: Gaussian densities of all rows, summed over all sets."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from stagectl.gap.selection.constants import INCLUSION
+from stagectl.gap.selection.evidence import Candidate, Conditioned, Prior, compare, conditioned, gains, means, temper
+
+ROWS = 40
+NONE = Conditioned(np.zeros((0, 0)), np.zeros(0), 0.0)
+
+
+def _data(seed: int, columns: int, signal: dict[int, float]) -> tuple[np.ndarray, np.ndarray]:
+    source = np.random.default_rng(seed)
+    x = source.standard_normal((ROWS, columns)) + 0.5 * source.standard_normal((ROWS, 1))
+    return x, x @ np.array([signal.get(k, 0.0) for k in range(columns)]) + source.standard_normal(ROWS)
+
+
+def _start(x: np.ndarray, y: np.ndarray) -> Conditioned:
+    return Conditioned(x.T @ x, x.T @ y, 0.0)
+
+
+def _prior(places: tuple[int, ...], mean: float, deviation: float) -> Prior:
+    return Prior(places, np.full(len(places), mean), np.full(len(places), deviation))
+
+
+def _density(x: np.ndarray, y: np.ndarray, priors: list[Prior]) -> float:
+    """log of the density of all rows with the amplitudes of `priors` integrated out, over that of noise alone."""
+    mean, covariance = np.zeros(ROWS), np.eye(ROWS)
+    for prior in priors:
+        column = x[:, prior.places]
+        mean = mean + column @ prior.mean
+        covariance = covariance + column @ np.diag(prior.deviation**2) @ column.T
+    noise = multivariate_normal.logpdf(y, np.zeros(ROWS), np.eye(ROWS))
+    return float(multivariate_normal.logpdf(y, mean, covariance) - noise)
+
+
+def test_each_amplitude_that_is_integrated_out_adds_its_evidence() -> None:
+    x, y = _data(1, 5, {0: 1.0, 3: -2.0})
+    priors = [_prior((0, 1), 0.3, 0.7), _prior((3,), -1.0, 0.5), _prior((2, 4), 0.0, 2.0)]
+    state = _start(x, y)
+    for count, prior in enumerate(priors):
+        state = conditioned(state, prior)
+        assert state.log_evidence == pytest.approx(_density(x, y, priors[: count + 1]))
+
+
+def test_the_gain_of_a_candidate_is_what_it_adds() -> None:
+    x, y = _data(2, 6, {1: 0.5})
+    state = conditioned(_start(x, y), _prior((0,), 0.0, 1.0))
+    tried = [
+        Candidate("one", 0, _prior((1,), 0.2, 0.4), 1.0),
+        Candidate("two", 1, _prior((2, 3), 0.0, 1.0), 1.0),
+        Candidate("positive", 2, _prior((4,), 0.0, 1.0), 1.0, True),
+    ]
+    joined = [conditioned(state, c.prior, c.positive).log_evidence - state.log_evidence for c in tried]
+    assert gains(state, tried) == pytest.approx(joined)
+
+
+def test_an_amplitude_that_must_be_positive_has_twice_the_mass_above_zero() -> None:
+    """The half-normal prior's integral, done by quadrature."""
+    x, y = _data(3, 1, {0: 0.1})
+    size = np.linspace(0.0, 10.0, 200_001)
+    likelihood = np.exp(size * float(x[:, 0] @ y) - 0.5 * size**2 * float(x[:, 0] @ x[:, 0]))
+    integral = np.trapezoid(2.0 * norm.pdf(size, 0.0, 1.0) * likelihood, size)
+    (gain,) = gains(_start(x, y), [Candidate("one", 0, _prior((0,), 0.0, 1.0), 1.0, True)])
+    assert gain == pytest.approx(np.log(integral), abs=1e-6)
+
+
+def test_probabilities_are_those_of_all_sets_enumerated() -> None:
+    x, y = _data(4, 4, {0: 0.6, 2: -0.5})
+    tried = [Candidate(name, k, _prior((k,), 0.0, 1.0), 1.0) for k, name in enumerate("abcd")]
+    verdict = compare(_start(x, y), tried, {})
+    sets = [set_ for size in range(5) for set_ in itertools.combinations(range(4), size)]
+    weight = {s: INCLUSION ** len(s) * np.exp(_density(x, y, [tried[k].prior for k in s])) for s in sets}
+    whole = sum(weight.values())
+    probability = verdict.of_effects()
+    for k, name in enumerate("abcd"):
+        expected = sum(value for s, value in weight.items() if k in s) / whole
+        assert probability[name] == pytest.approx(expected, abs=1e-9)
+    assert sum(verdict.of_sets().values()) == pytest.approx(1.0)
+
+
+def test_forms_and_scales_of_one_effect_share_its_prior_and_never_stand_together() -> None:
+    x, y = _data(5, 2, {0: 1.0})
+    tried = [Candidate("a", k, _prior((k,), 0.0, 1.0), 0.5) for k in range(2)]
+    verdict = compare(_start(x, y), tried, {})
+    assert all(len(item.members) <= 1 for item in verdict.sets)
+    odds = INCLUSION * np.mean([np.exp(_density(x, y, [candidate.prior])) for candidate in tried])
+    assert verdict.of_effects()["a"] == pytest.approx(odds / (1.0 + odds))
+    assert verdict.best(frozenset("a")).members == (0,)
+
+
+def test_an_effect_and_its_wider_form_are_rivals() -> None:
+    x, y = _data(6, 2, {0: 1.0, 1: 1.0})
+    tried = [Candidate(name, k, _prior((k,), 0.0, 1.0), 1.0) for k, name in enumerate(("narrow", "wide"))]
+    sets = compare(_start(x, y), tried, {"narrow": ("wide",)}).of_sets()
+    assert frozenset({"narrow", "wide"}) not in sets and frozenset() in sets
+    assert frozenset({"narrow", "wide"}) in compare(_start(x, y), tried, {}).of_sets()
+
+
+def test_noise_alone_names_nothing() -> None:
+    """Thirty effects that are not there, on fifty data sets: each probability is a small one."""
+    largest = []
+    for seed in range(50):
+        x, y = _data(100 + seed, 30, {})
+        tried = [Candidate(str(k), k, _prior((k,), 0.0, 1.0), 1.0) for k in range(30)]
+        largest.append(max(compare(_start(x, y), tried, {}).of_effects().values()))
+    assert np.mean(np.array(largest) > 0.5) <= 0.06
+    assert np.median(largest) < 0.1
+
+
+def test_a_direction_that_is_not_excited_keeps_its_prior() -> None:
+    x, y = _data(7, 2, {0: 1.0})
+    x[:, 1] = 0.0
+    first, second = means(_start(x, y), [_prior((0,), 0.0, 10.0), _prior((1,), -0.3, 0.2)])
+    assert first[0] == pytest.approx(1.0, abs=0.5)
+    assert second[0] == -0.3
+    assert means(_start(x, y), []) == []
+
+
+def test_what_is_left_counts_once_a_half_stroke() -> None:
+    assert temper(-5.0, 100) == 1.0
+    assert temper(100.0, 100) == 0.5
+    assert temper(1e8, 100) * 1e8 == pytest.approx(100.0, rel=1e-5)

@@ -1,0 +1,102 @@
+"""Measured records: nothing absurd is said of any, and what is said is near what others found with these machines."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from stagectl.gap import diagnose
+from stagectl.gap.logs.session import Session
+from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect
+from tests.gap import measured
+
+
+def answer(session: Session) -> DiagnosisResult:
+    """The diagnosis, checked for what no answer may say."""
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    largest = (
+        max(float(abs(log.current).max()) for log in session.logs if log.current is not None)
+        if any(log.current is not None for log in session.logs)
+        else math.inf
+    )
+    for effect in result.named:
+        for name, value in effect.parameters.items():
+            assert math.isfinite(value.value), f"{effect.name}.{name}"
+            if name in ("inertia", "viscous", "coulomb", "dead_time", "lag", "rise", "resonance", "amplitude"):
+                assert value.value >= 0.0, f"{effect.name}.{name} = {value.value}"
+            if name == "current_limit" and math.isfinite(largest):
+                assert value.value >= 0.99 * largest
+    assert result.gap.after <= result.gap.before * 1.001
+    return result
+
+
+def named(result: DiagnosisResult, name: str) -> FoundEffect:
+    """The named effect; fails with what was named instead."""
+    found = {effect.name: effect for effect in result.named}
+    assert name in found, f"named are {sorted(found)}"
+    return found[name]
+
+
+def test_emps_has_no_delay_of_a_period_and_an_asymmetry() -> None:
+    """A wrong `delay_samples: 1` in the stage file is told; the parameters are the published ones."""
+    session = measured.emps()
+    result = answer(session)
+    delay = named(result, "dead_time").parameters["dead_time"].value
+    assert delay < 0.5e-3
+    assert ("drive.delay_samples", 0) in named(result, "dead_time").fields
+    assert result.gap.after < 0.6 * result.gap.before
+    base = diagnose.baseline(session, ()).base.model.stage
+    assert base.mechanics.inertia == pytest.approx(95.1, rel=0.02)
+    assert base.mechanics.viscous == pytest.approx(203.5, rel=0.05)
+    assert sum(base.friction.operators.weight) + base.friction.bristle.coulomb == pytest.approx(20.4, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("joint", "inertia", "viscous", "coulomb"),
+    [(1, 5.5, 21.26, 12.55), (3, 2.0, 10.38, 4.99), (4, 0.5, 3.58, 2.0), (6, 0.3, 3.03, 2.3)],
+)
+def test_a_joint_has_the_published_friction(
+    tmp_path: Path, joint: int, inertia: float, viscous: float, coulomb: float
+) -> None:
+    """Within 20 % of the values published with the record; gravity where the joint's axis is not vertical."""
+    result = answer(measured.ur10e(tmp_path, joint, inertia))
+    assert named(result, "viscous").parameters["viscous"].value == pytest.approx(viscous, rel=0.2)
+    assert named(result, "coulomb").parameters["coulomb"].value == pytest.approx(coulomb, rel=0.21)
+    assert ("gravity" in {effect.name for effect in result.named}) == (joint in (2, 3, 4))
+    assert result.gap.closure > 0.9
+
+
+def test_pulses_show_the_limit_of_the_drive(tmp_path: Path) -> None:
+    """9 N m commanded, 4.2 A given."""
+    result = answer(measured.cnc(tmp_path, "Pulse_6Nm_10ms", "Pulse_9Nm_10ms", "Pulse_9Nm_20ms"))
+    limit = named(result, "current_saturation").parameters["current_limit"].value
+    assert limit == pytest.approx(4.2, rel=0.02)
+
+
+def test_one_pulse_tells_no_limit_from_a_gain(tmp_path: Path) -> None:
+    result = answer(measured.cnc(tmp_path, "Pulse_9Nm_20ms"))
+    assert named(result, "current_saturation").alternatives == ("torque_path",)
+
+
+def test_a_bare_motor_cogs_seven_times_a_turn(tmp_path: Path) -> None:
+    """The record's own map: 0.86 A at order 7, which is 0.047 N m."""
+    result = answer(measured.odrive(tmp_path, *(f"slow2_nocomp_{k}" for k in range(3))))
+    values = {name: value.value for name, value in named(result, "cogging_map").parameters.items()}
+    assert values["order"] == 7.0
+    assert math.hypot(values["sine_1"], values["cosine_1"]) == pytest.approx(0.042, abs=0.01)
+
+
+def test_steps_of_torque_give_the_mechanics_of_the_catalogue(tmp_path: Path) -> None:
+    """The path of the torque is off by a third; inertia and viscous friction are not, and no compliance is named."""
+    session = measured.hsm150(tmp_path, "idf_neg_0.04_1", "idf_pos_0.06_1")
+    result = answer(session)
+    assert "compliance" not in {effect.name for effect in result.named}
+    base = diagnose.baseline(session, ()).base.model.stage.mechanics
+    assert base.inertia == pytest.approx(1.2e-4, rel=0.15) and base.viscous == pytest.approx(7.03e-5, rel=0.2)
+
+
+@pytest.mark.parametrize("name", ["idf_neg_0.04_2", "idf_pos_0.06_2"])
+def test_one_direction_is_no_obstacle(tmp_path: Path, name: str) -> None:
+    answer(measured.hsm150(tmp_path, name))

@@ -1,0 +1,108 @@
+"""A jog lasts as long as the sign that its key is held, and keeps to the limits."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+
+from stagectl.service.limits import HELD
+from stagectl.web.client import RefusedError
+from tests.service.serving import Served, served
+
+FAST = "100 mm/s"
+PRESSES = itertools.count(1)
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(tmp_path_factory.mktemp("jog")) as service:
+        yield service
+
+
+@pytest.fixture(autouse=True)
+def ready(machine: Served) -> None:
+    """Each test begins with an axis that stands under power at 0."""
+    machine.until(lambda axis: axis["state"] != "connecting")
+    machine.ask("POST", "stop")
+    if machine.axis()["state"] != "standing":
+        machine.ask("POST", "enable")
+    if abs(machine.axis()["reference"]) > 1e-9:
+        machine.ask("POST", "move", to={"axis": "0 mm"}, speed="100 mm/s")
+
+
+def held(machine: Served, seconds: float, speed: str = "5 mm/s") -> int:
+    """Hold a key as a page does, which waits for no answer; and again where a busy computer was late.  The press."""
+    for press in itertools.islice(PRESSES, 20):
+        signs, end = [], time.monotonic() + seconds
+        with ThreadPoolExecutor() as page:
+            while time.monotonic() < end:
+                signs.append(page.submit(machine.ask, "POST", "jog", press=press, speed=speed))
+                time.sleep(0.05)
+        refusals = [str(sign.exception()) for sign in signs if sign.exception()]
+        if not refusals:
+            return press
+        standing(machine)
+    raise AssertionError(refusals)
+
+
+def standing(machine: Served) -> dict[str, Any]:
+    return machine.until(lambda axis: axis["state"] == "standing")
+
+
+@pytest.mark.parametrize("speed", ["5 mm/s", "-5 mm/s"])
+def test_it_moves_while_it_is_held_and_stops_without_a_sign(machine: Served, speed: str) -> None:
+    """Nobody says that the key was released: the service brakes by itself."""
+    held(machine, 1.0, speed)
+    began = time.monotonic()
+    axis = standing(machine)
+    assert time.monotonic() - began < HELD + 1.0  # the machine is shared
+    assert axis["fault"] == "" and 1e-3 < axis["position"] * (-1.0 if speed[0] == "-" else 1.0) < 20e-3
+
+
+def test_a_late_sign_of_a_press_that_has_ended_moves_nothing(machine: Served) -> None:
+    press = held(machine, 0.3)
+    machine.ask("POST", "stop")
+    place = standing(machine)["reference"]
+    time.sleep(0.05)
+    with pytest.raises(RefusedError, match="has ended"):
+        machine.ask("POST", "jog", press=press, speed="5 mm/s")
+    time.sleep(2.0 * HELD)
+    assert machine.axis()["reference"] == place
+    held(machine, 0.3)  # another press begins at once
+    assert machine.axis()["reference"] != place
+
+
+def test_it_ends_before_the_end_of_the_travel(machine: Served) -> None:
+    """At full speed into the limit: no fault, and from there the other way only."""
+    held(machine, 1.5, FAST)
+    axis = standing(machine)
+    assert axis["fault"] == "" and 0.0 < 50e-3 - axis["position"] < 1e-3
+    time.sleep(HELD + 0.1)
+    with pytest.raises(RefusedError, match=r"limits\.travel"):
+        machine.ask("POST", "jog", press=next(PRESSES), speed=FAST)
+    with pytest.raises(RefusedError, match="take a lower speed"):
+        machine.ask("POST", "jog", press=next(PRESSES), speed="-2 m/s")
+    with pytest.raises(RefusedError, match="0"):
+        machine.ask("POST", "jog", press=next(PRESSES), speed="0 mm/s")
+
+
+def test_it_does_not_end_the_motion_of_somebody_else(machine: Served) -> None:
+    """A press that is refused, as the axis moves, stops nothing when its time is over."""
+    machine.ask("POST", "trajectory", yaml="{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 60}", wait=False)
+    with pytest.raises(RefusedError, match="move is not possible"):
+        machine.ask("POST", "jog", press=next(PRESSES), speed="5 mm/s")
+    time.sleep(2.0 * HELD)
+    assert machine.axis()["state"] == "moving"
+    machine.ask("POST", "stop")
+
+
+def test_a_second_key_is_refused_while_one_is_held(machine: Served) -> None:
+    machine.ask("POST", "jog", press=next(PRESSES), speed="5 mm/s")
+    with pytest.raises(RefusedError, match="another key"):
+        machine.ask("POST", "jog", press=next(PRESSES), speed="-5 mm/s")
+    standing(machine)
