@@ -238,9 +238,11 @@ class Service:
 
         Raises ServiceError with the reason where it cannot be given now.
         """
-        board = axis.board
         if not axis.status.tick:  # it would never see an order from before its start
             raise ServiceError(f"{axis.name}: the real-time process is starting; see `stagectl status`")
+        if self._restarting is not None:  # nothing may begin before the stop path takes stops again
+            await asyncio.wait({self._restarting})
+        board = axis.board
         number = board.order(order)
         end = time.monotonic() + _ANSWER
         while (verdict := board.verdict(number)) == PENDING:

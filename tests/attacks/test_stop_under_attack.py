@@ -38,7 +38,7 @@ def _processes(machine: Served) -> Iterator[tuple[Path, str]]:
     assert machine.process is not None
     (listed,) = Path(f"/proc/{machine.process.pid}/task/{machine.process.pid}").glob("children")
     for child in listed.read_text().split():
-        line = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+        line = _bytes_of(Path(f"/proc/{child}/cmdline")).split(b"\0")
         if len(line) > 3:
             yield Path("/proc", child), line[3].decode()
 
@@ -46,7 +46,14 @@ def _processes(machine: Served) -> Iterator[tuple[Path, str]]:
 def planners(machine: Served) -> list[bool]:
     """Of each process that plans, whether its kernels are compiled."""
     there = [place for place, module in _processes(machine) if module == "stagectl.service.planning_process"]
-    return [b"STAGECTL_KERNELS=compiled" in (place / "environ").read_bytes() for place in there]
+    return [b"STAGECTL_KERNELS=compiled" in _bytes_of(place / "environ") for place in there]
+
+
+def _bytes_of(path: Path) -> bytes:
+    """What /proc says of a process; nothing of one that has ended meanwhile."""
+    with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+        return path.read_bytes()
+    return b""
 
 
 def children(machine: Served) -> list[str]:

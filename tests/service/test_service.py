@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import http.client
+import os
 import re
+import signal
 import stat
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +24,7 @@ from stagectl.recording.hdf5 import open_recording
 from stagectl.service.virtual_timeouts import HELD_UP
 from stagectl.web.client import ControlError, RefusedError, ask, stop
 from tests.conftest import CONFIG, ROOT, Command
-from tests.service.serving import Served, free_port, served, within
+from tests.service.serving import Served, child_of, free_port, served, within
 
 PORT = free_port()
 MOST_MEMORY = 80 * 1024  # KiB, of the real-time process
@@ -154,6 +157,30 @@ def test_the_real_time_process_killed(machine: Served) -> None:
     assert machine.holds_no_more_than(held)  # months of that must not use up the descriptors
     with pytest.raises(RefusedError, match="without power"):
         machine.ask("POST", "move", by={"axis": "1 mm"})
+
+
+def test_nothing_begins_before_a_stop_is_taken_again(machine: Served) -> None:
+    """An order waits for the stop path of the new real-time process, so a stop from before does not end its motion."""
+    machine.kill("stagectl.service.stop_path")
+    machine.kill("stagectl.realtime.axes")
+    machine.until(lambda axis: axis["state"] == "connecting")
+    assert machine.process is not None
+    parent = machine.process.pid
+    assert within(60.0, lambda: child_of(parent, "stagectl.service.stop_path") is not None)
+    late = machine.child("stagectl.service.stop_path")
+    os.kill(late, signal.SIGSTOP)
+    try:
+        machine.until(lambda axis: axis["state"] == "disabled")
+        with pytest.raises(ControlError):
+            stop(machine.socket, quick=False, axis="")
+        moving = threading.Thread(target=machine.begin_moving)
+        moving.start()
+        moving.join(1.0)
+        assert machine.axis()["state"] == "disabled"
+    finally:
+        os.kill(late, signal.SIGCONT)
+    moving.join(60.0)
+    assert machine.axis()["state"] == "moving"
 
 
 def test_the_black_box_killed(machine: Served) -> None:
