@@ -18,6 +18,7 @@ from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.estimates import Estimate, estimates, whole_delay
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
+from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
 from stagectl.gap.selection import baseline_fit, constants, refine
@@ -139,7 +140,7 @@ def _unit(name: str, kind: str) -> str:
 
 def _shift(name: str, p: Estimate, share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
     change, spread = (p.value - p.nominal) / p.scale, p.deviation / p.scale
-    half = 1.96 * p.deviation
+    half = NORMAL * p.deviation
     lowest = 0.0 if name in POSITIVE else -np.inf
     value = Value(p.value, max(p.value - half, lowest), p.value + half, _unit(name, kind))
     return Shift(name, change, spread, share, value, _probability(name, p), alike, p.nominal == 0.0)
@@ -218,7 +219,7 @@ def common(known: Sequence[Shift]) -> Shift | None:
     if np.ptp(logs) > thresholds.COMMON_SPREAD or not any(shift.sure for shift in three):
         return None
     scale = float(np.exp(-logs[0]))  # the inertia is known best
-    width = 1.96 * max(three[0].deviation, thresholds.COMMON_ERROR)
+    width = NORMAL * max(three[0].deviation, thresholds.COMMON_ERROR)
     value = Value(scale - 1.0, scale - 1.0 - width, scale - 1.0 + width, "")
     return Shift(
         "force_constant",

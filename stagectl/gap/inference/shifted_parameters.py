@@ -9,6 +9,7 @@ from stagectl.gap.effects.effect import Data
 from stagectl.gap.inference.parameter_errors import Shift, common, of_force, shared
 from stagectl.gap.inference.verdict import changed
 from stagectl.gap.logs.session import Session
+from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import Fields, FoundEffect, Value
 from stagectl.gap.selection.refine import Fitted
 
@@ -55,7 +56,7 @@ def _force_constant(session: Session, shift: Shift, probability: float) -> Found
 
 
 def _shifted(session: Session, shift: Shift, now: Fitted) -> FoundEffect:
-    half = 1.96 * shift.deviation
+    half = NORMAL * shift.deviation
     change = Value(shift.change, shift.change - half, shift.change + half, "")
     return FoundEffect(
         shift.name,

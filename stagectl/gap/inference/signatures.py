@@ -18,6 +18,7 @@ from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.saturation import plateau
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import sensitivities
+from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import TrackedModel
@@ -172,7 +173,7 @@ def jittered(runs: list[list[MissingCurrent]]) -> DriveSignature | None:
     ):
         return None
     size, width = math.sqrt(slope), 0.5 * deviation / math.sqrt(slope)
-    return _signature("jitter", "rms", Value(size, size - 1.96 * width, size + 1.96 * width, "s"))
+    return _signature("jitter", "rms", Value(size, size - NORMAL * width, size + NORMAL * width, "s"))
 
 
 def _deviations(run: list[MissingCurrent]) -> list[Array]:

@@ -11,6 +11,7 @@ from stagectl.gap.inference import patch_fields, thresholds
 from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import friction_family
+from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.candidates import EffectValues, equipped
@@ -105,7 +106,7 @@ def changed(before: Stage, after: Stage) -> Fields:
 def parameters(fitted: EffectValues, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
     """Values with 95 % intervals; a sine and a cosine become amplitude and phase."""
     units = _units(fitted.effect, kind)
-    half = {name: 1.96 * deviation.get(f"{fitted.effect.name}.{name}", 0.0) for name in fitted.values}
+    half = {name: NORMAL * deviation.get(f"{fitted.effect.name}.{name}", 0.0) for name in fitted.values}
     values = {name: Value(x, x - half[name], x + half[name], units[name]) for name, x in fitted.values.items()}
     return _harmonic(values, half) if "sine" in values and "cosine" in values else values
 
