@@ -11,7 +11,7 @@ from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, HELD_OUT, DiagnosisResult
 from stagectl.number_format import percent
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import embedded
+from stagectl.report import interactive
 from stagectl.report.gap import figures
 from stagectl.report.gap.chain import SIGNALS, chain
 from stagectl.report.page import Page, Picture, Section
@@ -96,7 +96,7 @@ def _motion(result: DiagnosisResult, _place: str) -> Section | None:
 
 
 def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
-    return Picture(embedded(figure, figures.DPI), caption, least)
+    return interactive.picture(figure, caption, figures.DPI, least)
 
 
 def _shares(result: DiagnosisResult, _place: str) -> Section | None:
