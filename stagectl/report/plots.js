@@ -34,6 +34,9 @@ function shade(plot, panel) {
   ctx.restore();
 }
 
+// A value under the pointer; at rest the legend names the curves alone.
+const read = (_, value) => (value === null || value === undefined ? "" : `${+value.toPrecision(5)}`);
+
 function build(place, panel) {
   const group = groupOf(panel), axis = { stroke: "#475569", grid: { stroke: "#e2e8f0", width: 1 }, ticks: { show: false } };
   const whole = () => !group.window || near(group.window, group.xlim);
@@ -43,11 +46,12 @@ function build(place, panel) {
     width: place.clientWidth || 600, height: 240, title: panel.title || undefined, pxAlign: 0,
     cursor: { sync: { key: group.key, scales: ["x", null] }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => zoom(group, ...group.xlim) } },
     scales: { x: { time: false, range: (_, min, max) => [min, max] }, y: { distr: panel.logarithmic ? 3 : 1, range: fit } },
-    series: [{ label: panel.x }, ...panel.lines.map((line) => ({
-      label: line.label || panel.y, stroke: line.colour, width: line.width, dash: line.dashed ? [6, 4] : undefined,
+    legend: { markers: { width: 0, fill: (_, of) => panel.lines[of - 1]?.colour } },
+    series: [{ label: panel.x, value: read }, ...panel.lines.map((line) => ({
+      label: line.label || [panel.title, panel.y].filter(Boolean).join(" "), value: read, stroke: line.colour, width: line.width, dash: line.dashed ? [6, 4] : undefined,
       points: { show: line.points, size: 4, fill: line.colour }, ...(line.points ? { paths: () => null } : {}),
     }))],
-    axes: [{ ...axis, label: panel.x, labelSize: 22 }, { ...axis, label: panel.y, size: 70, labelSize: 22 }],
+    axes: [{ ...axis, label: panel.x, size: 26, labelSize: 20 }, { ...axis, label: panel.y, size: 70, labelSize: 22 }],
     hooks: {
       drawClear: [(shown) => shade(shown, panel)],
       setSelect: [(shown) => {
