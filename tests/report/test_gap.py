@@ -61,6 +61,14 @@ def test_every_verdict_has_its_page(
     assert text.count("<figure>") + text.count('<figure class="broad">') == text.count("<img src=")
 
 
+def test_the_next_commands_read_the_stored_answer() -> None:
+    """Logs may be single files: `gap apply` reads the folder that the answer is in."""
+    made = page(FOUND["effects"], "slow.csv", [], "answer")
+    commands = [command for section in made.sections for command in section.commands]
+    assert "stagectl gap apply answer STAGE.yaml" in commands
+    assert not any("slow.csv" in command for command in commands)
+
+
 def test_the_sentence_keeps_numbers_with_their_units() -> None:
     assert typeset("gap 2.9 -> 0.34 µm, 82 % of it") == "gap 2.9\u00a0→ 0.34\u00a0µm, 82\u00a0% of it"
 

@@ -20,10 +20,10 @@ from stagectl.report.tables import gap as tables
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b)")
 
 
-def page(result: DiagnosisResult, place: str, commands: list[str]) -> Page:
-    """The page of the diagnosis of the folder `place`; `commands` do it again."""
+def page(result: DiagnosisResult, place: str, commands: list[str], stored: str = "") -> Page:
+    """The page of the diagnosis of the logs at `place`; `commands` do it again, those that follow read `stored`."""
     parts = (_loop, _motion, _shares, _distance, _unknown, _following, _parameters, _limits)
-    sections = [part(result, place) for part in parts]
+    sections = [part(result, stored or place) for part in parts]
     return Page(
         f"stagectl gap diagnose: {place}",
         typeset(result.sentence or verdict_text.sentence(result)),
