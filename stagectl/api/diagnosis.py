@@ -130,11 +130,11 @@ class GapDiagnosis(ReportedResult):
 
         return drawn(drawings(self.diagnosis), what)
 
-    def page(self, command: str = "") -> Page:
-        """The page with all figures."""
+    def page(self, command: str = "", folder: PathLike | None = None) -> Page:
+        """The page with all figures; `folder` holds the stored answer, where that is not the folder of the logs."""
         from stagectl.report.gap.page import page
 
-        return page(self.diagnosis, str(self.place), [command] if command else [])
+        return page(self.diagnosis, str(self.place), [command] if command else [], str(folder or self.place))
 
     def patch(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> patch.Patch:
         """The change of the stage file, with its `diff` and why each line changes; nothing is written.

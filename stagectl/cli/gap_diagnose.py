@@ -110,7 +110,7 @@ def diagnose(
         answer.save_predictions(predictions)
     path = report or target / "diagnosis.html"
     nominal = [place / "nominal.yaml" for place in folder if (place / "nominal.yaml").is_file()]
-    write(answer.page(typed()), path, [*typed_files(), *nominal])
+    write(answer.page(typed(), target), path, [*typed_files(), *nominal])
     if json is not None:
         emit(answer.to_json(), json)
     if json is None or str(json) != "-":

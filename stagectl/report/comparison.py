@@ -15,6 +15,7 @@ from stagectl.evaluation import latched_reference, window
 from stagectl.number_format import prefix
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
+from stagectl.report import interactive
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, drawing, embedded
 from stagectl.report.page import Page, Picture
 from stagectl.report.tables.comparison import tables
@@ -49,8 +50,8 @@ def page(result: Result, commands: list[str]) -> Page:
 def _pictures(result: Result) -> list[Picture]:
     drawn = [
         Picture(embedded(peaks(result)), "Peak error of each repeat; the bar is the mean. Logarithmic."),
-        Picture(
-            embedded(errors(result)), "Error over the steady window, last repeat of each variant. The scales differ."
+        interactive.picture(
+            errors(result), "Error over the steady window, last repeat of each variant. The scales differ."
         ),
     ]
     if result["learned"]:

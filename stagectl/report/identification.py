@@ -13,6 +13,7 @@ from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
+from stagectl.report import interactive
 from stagectl.report.constants import MOST_CAPTURES, MOST_POINTS
 from stagectl.report.figures import TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded, weights
 from stagectl.report.page import Page, Picture, Table
@@ -36,7 +37,7 @@ def page(result: dict[str, Any], source: tuple[IdentificationResult, Sequence[Ca
     if identified.table is not None and not pictures:
         pictures.append(Picture(embedded(characteristic(identified.table, setup)), "Friction after a reversal."))
     for capture in captures[:MOST_CAPTURES]:
-        pictures.append(Picture(embedded(motion(capture, setup)), f"Position and current of {_name(capture)}."))
+        pictures.append(interactive.picture(motion(capture, setup), f"Position and current of {_name(capture)}."))
     title, notes = f"stagectl identify {result['method']}: {result['stage']}", [*result["notes"], *_notes(captures)]
     shown = [parameters(result), *(own.tables(identified) if hasattr(own, "tables") else [])]
     shown += [*_correlations(result), _captures(captures)]

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from stagectl.web import assets
+
 
 class Picture(NamedTuple):
     """A figure of the page."""
@@ -14,6 +16,7 @@ class Picture(NamedTuple):
     image: str  # data URI
     caption: str
     least: int = 0  # px below which it is not shrunk, but scrolled
+    plot: str = ""  # JSON of its curves over time, of `interactive.picture`
 
 
 class Table(NamedTuple):
@@ -60,5 +63,17 @@ def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
-    path.write_text(template.render({**page._asdict(), "config": listed}), encoding="utf-8")
+    given = {**page._asdict(), "config": listed, "library": _library(page)}
+    path.write_text(template.render(given), encoding="utf-8")
     return path
+
+
+def _library(page: Page) -> dict[str, str]:
+    """The code of its interactive plots; empty where it has none, or uPlot is not installed: then its pictures stay."""
+    pictures = [*page.figures, *(picture for section in page.sections for picture in section.figures)]
+    folder = assets.available()
+    if folder is None or not any(picture.plot for picture in pictures):
+        return {}
+    own = Path(__file__).parent / "plots.js"
+    files = {"style": folder / "uPlot.min.css", "script": folder / "uPlot.min.js", "plots": own}
+    return {name: file.read_text(encoding="utf-8") for name, file in files.items()}

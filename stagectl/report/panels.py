@@ -10,7 +10,8 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stagectl.report.figures import FAINT, STYLE, TARGET, embedded
+from stagectl.report import interactive
+from stagectl.report.figures import FAINT, STYLE, TARGET
 from stagectl.report.page import Picture
 
 CONVENTIONAL, TRUTH = "#2563eb", FAINT  # in addition to WITHOUT (no compensation) and WITH
@@ -97,4 +98,4 @@ def _around(axes: Axes, frame: Frame) -> None:
 
 def picture(lines: Sequence[Line], frame: Frame, caption: str) -> Picture:
     """The panel as a page's picture."""
-    return Picture(embedded(panel(lines, frame), DPI), caption)
+    return interactive.picture(panel(lines, frame), caption, DPI)

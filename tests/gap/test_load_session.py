@@ -16,6 +16,8 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError, LogError, NominalValueError
 from stagectl.gap.validation import rollouts
+from stagectl.recording.exports import write_csv
+from stagectl.recording.hdf5 import open_recording
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
 
 EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
@@ -94,6 +96,14 @@ def test_injection_use_and_clock_survive(folder: Path) -> None:
     assert first.injection is not None and first.setpoints is not None
     np.testing.assert_allclose(first.injection, 1e-3 * (np.arange(rows) % 7), rtol=1e-12)
     np.testing.assert_array_equal(first.setpoints[:, 6], first.injection)
+
+
+def test_a_whole_export_as_csv_holds_its_setpoints(recordings: list[Path], tmp_path: Path) -> None:
+    """With the stage beside it, but no controller; the control period is then that of its rows."""
+    write_csv(open_recording(recordings[0]), tmp_path / "log.csv")
+    session, own = load([tmp_path / "log.csv"], load_stage(CONFIG / "ball-screw.yaml")), load(recordings[:1])
+    assert session.law is None and session.dt == pytest.approx(own.dt)
+    np.testing.assert_array_equal(session.logs[0].setpoints, own.logs[0].setpoints)
 
 
 def test_anti_windup_none_clamps_nothing(folder: Path) -> None:

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from stagectl.gap.result.diagnosis import Coordinate, Spans, Trace
+from stagectl.report import interactive
 from stagectl.report.constants import MOST_ROWS
 from stagectl.report.gap import figures
-from stagectl.report.gap import page as gap
 from stagectl.report.gap.chain import chain, drawing
 from stagectl.report.gap.page import page, typeset
 from stagectl.report.page import write
@@ -52,13 +52,21 @@ def test_every_verdict_has_its_page(
     verdict: str, present: str, absent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if verdict != "effects":  # one page has its images, which take most of the time
-        monkeypatch.setattr(gap, "embedded", lambda figure, dpi: "data:image/png;base64,")
+        monkeypatch.setattr(interactive, "embedded", lambda figure, dpi: "data:image/png;base64,")
     made = page(FOUND[verdict], "captures", ["stagectl gap diagnose captures"])
     assert made.answer == typeset(FOUND[verdict].sentence)
     text = write(made, tmp_path / "page.html").read_text()
     assert present in text and absent not in text
     assert "nan" not in text.split("data:image")[0].lower() and "not known %" not in text
     assert text.count("<figure>") + text.count('<figure class="broad">') == text.count("<img src=")
+
+
+def test_the_next_commands_read_the_stored_answer() -> None:
+    """Logs may be single files: `gap apply` reads the folder that the answer is in."""
+    made = page(FOUND["effects"], "slow.csv", [], "answer")
+    commands = [command for section in made.sections for command in section.commands]
+    assert "stagectl gap apply answer STAGE.yaml" in commands
+    assert not any("slow.csv" in command for command in commands)
 
 
 def test_the_sentence_keeps_numbers_with_their_units() -> None:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from stagectl.report.page import Page, Picture, Section, Table, write
+from stagectl.report.panels import Frame, Line, picture
+from stagectl.web import assets
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SHOTS = os.environ.get("STAGECTL_SCREENSHOTS")  # a folder, for who wants to look
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
@@ -56,3 +61,67 @@ def test_a_figure_is_enlarged_by_a_click_or_enter(shown: Any) -> None:
     assert figure.bounding_box()["width"] > 1.5 * small
     shown.keyboard.press("Enter")
     assert figure.bounding_box()["width"] == small
+
+
+@pytest.fixture
+def explored(tmp_path: Path) -> Iterator[Any]:
+    """A page with two figures of the same time, the first with a broken curve, and one over a frequency."""
+    if assets.available() is None:
+        pytest.skip("uPlot is not installed")
+    time = np.linspace(0.0, 10.0, 501)
+    broken = np.where(time > 8.0, np.nan, np.sin(time))
+    frames = [Frame("time [s]", "error [µm]", shaded=((2.0, 4.0),)), Frame("time [s]", "current [A]")]
+    figures = [
+        picture([Line(time, values, "curve")], frame, frame.y)
+        for frame, values in zip(frames, (broken, time), strict=True)
+    ]
+    figures.append(picture([Line(time[1:], time[1:])], Frame("frequency [Hz]", "gain", logarithmic=True), "gain"))
+    page = Page("title", "answer", [], figures, [], [], {}, broad=True)
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        view = chromium.new_page(viewport={"width": 1280, "height": 900})
+        wrong: list[str] = []
+        view.on("pageerror", lambda error: wrong.append(str(error)))
+        view.on("request", lambda request: wrong.append(request.url) if request.url.startswith("http") else None)
+        view.goto(write(page, tmp_path / "page.html").as_uri())
+        yield view
+        if SHOTS:
+            view.screenshot(path=str(Path(SHOTS) / "report.png"), full_page=True)
+            view.pdf(path=str(Path(SHOTS) / "report.pdf"))
+        chromium.close()
+    assert wrong == []
+
+
+def drawn(shown: Any) -> list[str]:
+    """The picture of each plot's canvas: it changes when the plot shows another time."""
+    pictures: list[str] = shown.evaluate("[...document.querySelectorAll('.plots canvas')].map((c) => c.toDataURL())")
+    return pictures
+
+
+def test_plots_of_the_same_time_zoom_together(explored: Any) -> None:
+    explored.wait_for_timeout(300)
+    whole = drawn(explored)
+    assert len(whole) == 2  # the plot over a frequency stays a picture
+    assert explored.locator("figure img:visible").count() == 1
+    box = explored.locator(".u-over").first.bounding_box()
+    explored.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 50)
+    explored.mouse.down()
+    explored.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 60, steps=5)
+    explored.mouse.up()
+    explored.wait_for_timeout(200)
+    zoomed = drawn(explored)
+    assert all(a != b for a, b in zip(whole, zoomed, strict=True))
+    explored.locator(".plots > div").first.focus()
+    explored.keyboard.press("0")
+    explored.wait_for_timeout(200)
+    assert drawn(explored) == whole
+    explored.keyboard.press("+")
+    explored.wait_for_timeout(200)
+    assert all(a != b for a, b in zip(whole, drawn(explored), strict=True))
+
+
+def test_a_print_holds_the_pictures(explored: Any) -> None:
+    assert explored.locator("figure img:visible").count() == 1
+    explored.emulate_media(media="print")
+    assert explored.locator("figure img:visible").count() == 3
+    assert explored.locator(".plots:visible").count() == 0

@@ -46,7 +46,7 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
     dt, period_notes = (machine.dt, []) if machine.dt else _period(raw)
     repeats, repeat_notes = reconciled([Repeat(log, _gridded(log, dt)) for log in raw])
     machine = machine._replace(stage=_as_logged(machine.stage, repeats))
-    known = _known_setpoints(repeats, machine)
+    known = _known_setpoints(repeats, machine, dt)
     finished = [_finished(repeat, rows, machine, dt) for repeat, rows in zip(repeats, known, strict=True)]
     notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
     notes += [(log.name, note) for log, log_notes in finished for note in log_notes]
@@ -134,11 +134,11 @@ def _file_notes(log: RawLog) -> list[str]:
     return [*(note for note in recording.meta.get("notes", []) if note not in absent), *lost, *cut]
 
 
-def _known_setpoints(repeats: list[Repeat], machine: NominalSetup) -> list[Array | None]:
+def _known_setpoints(repeats: list[Repeat], machine: NominalSetup, dt: float) -> list[Array | None]:
     """The setpoints of all `repeats`; those with the same reference and injection share them."""
     keys = [_setpoint_key(repeat) for repeat in repeats]
     first = dict(zip(reversed(keys), reversed(repeats), strict=True))
-    rows = in_parallel(lambda repeat: _setpoints(repeat, machine), first.values())
+    rows = in_parallel(lambda repeat: _setpoints(repeat, machine, dt), first.values())
     by_key = dict(zip(first, rows, strict=True))
     return [by_key[key] for key in keys]
 
@@ -176,12 +176,12 @@ def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: fl
     return finished, [*grid.notes, *notes]
 
 
-def _setpoints(repeat: Repeat, machine: NominalSetup) -> Array | None:
+def _setpoints(repeat: Repeat, machine: NominalSetup, dt: float) -> Array | None:
     """As they were recorded, else as the deployed controller had them; None where they are not known."""
     log, grid = repeat
     if log.setpoints is not None:
         recorded = {str(j): column for j, column in enumerate(log.setpoints.T)}
-        on_periods = on_control_periods(log.name, log.time, recorded, machine.dt).columns.values()
+        on_periods = on_control_periods(log.name, log.time, recorded, dt).columns.values()
         return np.stack([row_validity.filled(column)[: grid.rows] for column in on_periods], axis=1)
     if machine.deployed is None or len(grid.reference.time) < LEAST_SPLINE:
         return None

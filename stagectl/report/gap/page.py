@@ -11,7 +11,7 @@ from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, HELD_OUT, DiagnosisResult
 from stagectl.number_format import percent
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import embedded
+from stagectl.report import interactive
 from stagectl.report.gap import figures
 from stagectl.report.gap.chain import SIGNALS, chain
 from stagectl.report.page import Page, Picture, Section
@@ -20,10 +20,10 @@ from stagectl.report.tables import gap as tables
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b)")
 
 
-def page(result: DiagnosisResult, place: str, commands: list[str]) -> Page:
-    """The page of the diagnosis of the folder `place`; `commands` do it again."""
+def page(result: DiagnosisResult, place: str, commands: list[str], stored: str = "") -> Page:
+    """The page of the diagnosis of the logs at `place`; `commands` do it again, those that follow read `stored`."""
     parts = (_loop, _motion, _shares, _distance, _unknown, _following, _parameters, _limits)
-    sections = [part(result, place) for part in parts]
+    sections = [part(result, stored or place) for part in parts]
     return Page(
         f"stagectl gap diagnose: {place}",
         typeset(result.sentence or verdict_text.sentence(result)),
@@ -96,7 +96,7 @@ def _motion(result: DiagnosisResult, _place: str) -> Section | None:
 
 
 def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
-    return Picture(embedded(figure, figures.DPI), caption, least)
+    return interactive.picture(figure, caption, figures.DPI, least)
 
 
 def _shares(result: DiagnosisResult, _place: str) -> Section | None:

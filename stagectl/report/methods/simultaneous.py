@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
+from stagectl.report import interactive
 from stagectl.report.constants import FORCE_SHOWN, MOST_REVERSALS
 from stagectl.report.figures import (
     FAINT,
@@ -46,7 +47,7 @@ def pictures(result: IdentificationResult, captures: list[Capture], file: StageF
     """The figures of this method on an identification's page."""
     curves = _curves(result, file)
     drawn = [
-        Picture(embedded(force(curves)), "Measured force, model force and residual of the first capture."),
+        interactive.picture(force(curves), "Measured force, model force and residual of the first capture."),
         Picture(
             embedded(loops(curves)),
             "Disturbance force over the position. Inertia and viscous friction are right where the loop lies flat.",

@@ -1,0 +1,85 @@
+// Interactive plots over time: drag to zoom, two clicks for the whole; plots of the same time zoom together.
+// By keyboard: + and - zoom, the arrows move, 0 shows the whole.
+const groups = new Map();
+const near = (a, b) => a.every((value, k) => Math.abs(value - b[k]) < 1e-3 * Math.abs(b[1] - b[0]));
+
+function groupOf(panel) {
+  for (const group of groups.values()) if (group.label === panel.x && near(group.xlim, panel.xlim)) return group;
+  const group = { key: `time-${groups.size}`, label: panel.x, xlim: panel.xlim, plots: [] };
+  groups.set(group.key, group);
+  return group;
+}
+
+// Curves on one axis: where their times differ each has no value (undefined: no gap) at those of the others.
+function aligned(lines) {
+  const same = lines.every((line) => line.x.length === lines[0].x.length && line.x.every((t, k) => t === lines[0].x[k]));
+  if (same) return [lines[0].x, ...lines.map((line) => line.y)];
+  const rows = lines.flatMap((line, of) => line.x.map((t, k) => ({ t, of, y: line.y[k] }))).sort((a, b) => a.t - b.t);
+  return [rows.map((row) => row.t), ...lines.map((_, of) => rows.map((row) => (row.of === of ? row.y : undefined)))];
+}
+
+function zoom(group, min, max) {
+  group.window = [Math.max(min, group.xlim[0]), Math.min(max, group.xlim[1])];
+  for (const plot of group.plots) plot.setScale("x", { min: group.window[0], max: group.window[1] });
+}
+
+function shade(plot, panel) {
+  const { ctx, bbox } = plot, at = (value, scale) => plot.valToPos(value, scale, true);
+  ctx.save();
+  ctx.beginPath(); ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height); ctx.clip();
+  ctx.fillStyle = "#f1f5f9";
+  for (const [from, to] of panel.spans) ctx.fillRect(at(from, "x"), bbox.top, at(to, "x") - at(from, "x"), bbox.height);
+  ctx.fillStyle = "#cbd5e1b0";
+  for (const [low, high] of panel.bands) ctx.fillRect(bbox.left, at(high, "y"), bbox.width, at(low, "y") - at(high, "y"));
+  ctx.restore();
+}
+
+// A value under the pointer; at rest the legend names the curves alone.
+const read = (_, value) => (value === null || value === undefined ? "" : `${+value.toPrecision(5)}`);
+
+function build(place, panel) {
+  const group = groupOf(panel), axis = { stroke: "#475569", grid: { stroke: "#e2e8f0", width: 1 }, ticks: { show: false } };
+  const whole = () => !group.window || near(group.window, group.xlim);
+  const room = (low, high) => { const gap = 0.08 * (high - low) || Math.abs(high) || 1; return [low - gap, high + gap]; };
+  const fit = (plot, low, high) => (whole() || low === null ? panel.ylim : panel.logarithmic ? [low / 1.2, high * 1.2] : room(low, high));
+  const plot = new uPlot({
+    width: place.clientWidth || 600, height: 240, title: panel.title || undefined, pxAlign: 0,
+    cursor: { sync: { key: group.key, scales: ["x", null] }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => zoom(group, ...group.xlim) } },
+    scales: { x: { time: false, range: (_, min, max) => [min, max] }, y: { distr: panel.logarithmic ? 3 : 1, range: fit } },
+    legend: { markers: { width: 0, fill: (_, of) => panel.lines[of - 1]?.colour } },
+    series: [{ label: panel.x, value: read }, ...panel.lines.map((line) => ({
+      label: line.label || [panel.title, panel.y].filter(Boolean).join(" "), value: read, stroke: line.colour, width: line.width, dash: line.dashed ? [6, 4] : undefined,
+      points: { show: line.points, size: 4, fill: line.colour }, ...(line.points ? { paths: () => null } : {}),
+    }))],
+    axes: [{ ...axis, label: panel.x, size: 26, labelSize: 20 }, { ...axis, label: panel.y, size: 70, labelSize: 22 }],
+    hooks: {
+      drawClear: [(shown) => shade(shown, panel)],
+      setSelect: [(shown) => {
+        const { left, width } = shown.select;
+        if (width < 4) return;
+        zoom(group, shown.posToVal(left, "x"), shown.posToVal(left + width, "x"));
+        shown.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+      }],
+    },
+  }, aligned(panel.lines), place);
+  group.plots.push(plot);
+  plot.setScale("x", { min: group.xlim[0], max: group.xlim[1] });
+  place.tabIndex = 0;
+  place.setAttribute("role", "application");
+  place.setAttribute("aria-label", `${panel.title} ${panel.y} over time. Plus and minus zoom, arrows move, 0 shows the whole.`);
+  place.onkeydown = (event) => {
+    const [min, max] = group.window ?? group.xlim, span = max - min;
+    const to = { "+": [min + span / 4, max - span / 4], "-": [min - span / 2, max + span / 2], 0: group.xlim,
+      ArrowLeft: [min - Math.min(span / 4, min - group.xlim[0]), max - Math.min(span / 4, min - group.xlim[0])],
+      ArrowRight: [min + Math.min(span / 4, group.xlim[1] - max), max + Math.min(span / 4, group.xlim[1] - max)] }[event.key];
+    if (!to || event.ctrlKey || event.metaKey) return;
+    event.preventDefault();
+    zoom(group, ...to);
+  };
+  new ResizeObserver(() => place.clientWidth && plot.setSize({ width: place.clientWidth, height: 240 })).observe(place);
+}
+
+for (const place of document.querySelectorAll("[data-plot]")) {
+  place.closest("figure").classList.add("explored");
+  for (const panel of JSON.parse(place.dataset.plot)) if (panel.lines.length) build(place.appendChild(document.createElement("div")), panel);
+}
