@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from stagectl.problem import absent
 from stagectl.units import LINEAR, ROTARY, StageError
 
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): ROTARY, int(mujoco.mjtJoint.mjJNT_SLIDE): LINEAR}
@@ -51,7 +52,7 @@ def nominal(place: str) -> Nominal:
     """
     file, _, name = place.partition("#")
     if not Path(file).is_file():
-        raise StageError(f"{file}: no such file")
+        raise StageError(f"{file}: {absent(Path(file))}")
     try:
         model = mujoco.MjModel.from_xml_path(file)
     except ValueError as error:

@@ -132,6 +132,10 @@ MISTAKES = [
     (f"simulate {S} {T} --whitout friction", "--whitout", 2),
     (f"simulate {S}", "TRAJECTORY.yaml", 2),
     (f"simulate {S} {T} {T}", T, 2),
+    ("report folder", "folder: it is a folder", 2),
+    ("drive verify none.json", "none.json", 2),
+    (f"drive accept {S} --yes --person Ann --key none.key", "none.key", 2),
+    (f"gap diagnose good.csv --stage {S} --model none.xml", "none.xml", 2),
     ("record --for 2", "--for 2", 2),
 ]
 

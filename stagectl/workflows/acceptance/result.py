@@ -19,6 +19,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from stagectl.problem import absent
 from stagectl.units import StageError
 from stagectl.workflows.acceptance.limits import SHORTEST_KEY
 
@@ -82,6 +83,8 @@ def verify(path: Path, key: bytes | None = None) -> dict[str, Any]:
 
     Raises StageError where it is no such file, was changed, or was not signed with this `key`.
     """
+    if not path.is_file():
+        raise StageError(f"{path}: {absent(path)}")
     try:
         page = json.loads(path.read_text(encoding="utf-8"))
         content, digest, code = page["content"], str(page["sha256"]), page["hmac_sha256"]
@@ -98,6 +101,8 @@ def verify(path: Path, key: bytes | None = None) -> dict[str, Any]:
 
 def read_key(path: Path) -> bytes:
     """A key for the signature.  Raises StageError where it is too short to be one."""
+    if not path.is_file():
+        raise StageError(f"{path}: {absent(path)}; `openssl rand -hex 32 > {path}` makes a key")
     key = path.read_bytes().strip()
     if len(key) < SHORTEST_KEY:
         raise StageError(
