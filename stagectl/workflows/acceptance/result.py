@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 from stagectl.problem import absent
 from stagectl.units import StageError
 from stagectl.workflows.acceptance.limits import SHORTEST_KEY
+from stagectl.workflows.acceptance.traces import Trace
 
 FORMAT = "stagectl-acceptance/1"
 
@@ -44,6 +45,12 @@ class StepResult(NamedTuple):
     measured: float | None = None
     bound: float | None = None
     facts: Mapping[str, Any] = MappingProxyType({})  # JSON values
+    traces: tuple[Trace, ...] = ()  # of its trials under power
+
+    def content(self) -> dict[str, Any]:
+        """All of it as JSON values."""
+        traces = [trace._asdict() for trace in self.traces]
+        return {**self._asdict(), "outcome": self.outcome.value, "facts": dict(self.facts), "traces": traces}
 
 
 class Acceptance(NamedTuple):
@@ -68,7 +75,7 @@ class Acceptance(NamedTuple):
 
     def content(self) -> dict[str, Any]:
         """All of it as JSON values."""
-        steps = [{**step._asdict(), "outcome": step.outcome.value, "facts": dict(step.facts)} for step in self.steps]
+        steps = [step.content() for step in self.steps]
         return {"format": FORMAT, "accepted": self.accepted, **self._asdict(), "steps": steps}
 
 
