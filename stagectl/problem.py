@@ -16,6 +16,8 @@ def below(place: str, name: str) -> str:
 def absent(path: Path) -> str:
     """What to say of a file that is not there: ``no such file or folder: did you mean config/ball-screw.yaml?``."""
     folder = path.parent
+    if path.is_dir():
+        return f"it is a folder, and a file is expected here: choose one, see `ls {path}`"
     if not folder.is_dir():
         return f"no such file or folder: there is no folder {folder}"
     near = difflib.get_close_matches(path.name, [entry.name for entry in folder.iterdir()], 1)

@@ -17,6 +17,7 @@ from stagectl.units import StageError
 from stagectl.workflows.acceptance import protocol, result
 from stagectl.workflows.acceptance.protocol import STEPS, Signatory, Step
 from stagectl.workflows.acceptance.result import Acceptance, Outcome, StepResult
+from stagectl.workflows.acceptance.traces import Trace
 from stagectl.workflows.motion import on_channel
 from tests.conftest import CONFIG, Command, movable
 from tests.zoo.bench import drive
@@ -84,7 +85,17 @@ def test_the_virtual_drive_is_accepted_and_its_page_is_signed(tmp_path: Path, co
         True,
         "m",
     )
+    traces = {step["name"]: step["traces"] for step in content["steps"]}
+    assert {name: len(kept) for name, kept in traces.items() if kept} == {
+        "polarity": 2, "current-limit": 1, "kill": 1, "silence": 1, "quick-stop": 1, "travel": 2,
+    }  # fmt: skip
+    for trace in traces["travel"]:  # each ends beyond the limit that stopped it, on its own side
+        assert trace["position"][-1] / trace["origin"] > 0.99
+    assert max(traces["current-limit"][0]["flowing"]) >= 0.7 * traces["current-limit"][0]["limit"]
+    assert all(time <= 0.0 for time in traces["kill"][0]["time"][:-1])  # the process is dead from there on
+    assert traces["kill"][0]["after"]
     html = page.with_suffix(".html").read_text()
+    assert html.count("<figure>") == len([name for name in traces if traces[name]])
     assert signed["sha256"] in html
     assert signed["hmac_sha256"] in html
     assert command("drive", "verify", page.with_suffix(".json"), "--key", key)[0] == 0
@@ -196,6 +207,19 @@ def test_only_all_steps_passed_are_an_acceptance() -> None:
 
 def _changed(content: dict[str, Any]) -> None:
     content["steps"][0]["measured"] = 0.5e-3
+
+
+def test_what_is_drawn_is_signed(tmp_path: Path) -> None:
+    trace = Trace("", [0.0, 0.5e-3], [0.0, 1e-3], [0.1, 0.2], [0.1, 0.2], [], origin=0.0)
+    done = _acceptance(Outcome.PASSED)
+    signed = result.signed(done._replace(steps=(done.steps[0]._replace(traces=(trace,)),)), KEY)
+    path = tmp_path / "page.json"
+    path.write_text(json.dumps(signed))
+    result.verify(path, KEY)
+    signed["content"]["steps"][0]["traces"][0]["position"][1] = 0.5e-3
+    path.write_text(json.dumps(signed))
+    with pytest.raises(StageError):
+        result.verify(path, KEY)
 
 
 def test_a_changed_page_is_found_out(tmp_path: Path) -> None:

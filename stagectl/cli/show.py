@@ -156,7 +156,8 @@ def summary(result: dict[str, Any]) -> str:
     if result["fault"] and result["simulated"]:
         lines.append(result["fault"])
     if result["late_cycles"]:
-        lines.append(f"{result['late_cycles']} of {result['cycles']} cycles were late")
+        late = f"{result['late_cycles']} of {result['cycles']} cycles were late"
+        lines.append(f"{late}: `stagectl doctor STAGE.yaml` says what this computer lacks")
     if limited := result["effects_limited_cycles"]:
         lines.append(f"the current against the model's effects reached half of drive.current_limit in {limited} cycles")
     if result["saturated_cycles"]:

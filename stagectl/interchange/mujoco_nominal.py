@@ -14,10 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
+from xml.parsers.expat import ErrorString
 
 import mujoco
 import numpy as np
 
+from stagectl.problem import absent
 from stagectl.units import LINEAR, ROTARY, StageError
 
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): ROTARY, int(mujoco.mjtJoint.mjJNT_SLIDE): LINEAR}
@@ -51,13 +54,25 @@ def nominal(place: str) -> Nominal:
     """
     file, _, name = place.partition("#")
     if not Path(file).is_file():
-        raise StageError(f"{file}: no such file")
+        raise StageError(f"{file}: {absent(Path(file))}")
     try:
         model = mujoco.MjModel.from_xml_path(file)
     except ValueError as error:
-        raise StageError(f"{file}: MuJoCo does not take it: {error}") from error
+        raise StageError(_refused(file, str(error))) from error
     joint = _joint(model, file, name)
     return Nominal({"stage": _stage(joint), "friction": _friction(joint), "drive": _drive(joint)}, _notes(joint))
+
+
+def _refused(file: str, said: str) -> str:
+    """Why MuJoCo does not take the file, with its line: its XML, or what the XML says."""
+    try:
+        ElementTree.parse(file)
+    except ElementTree.ParseError as error:
+        line, column = error.position
+        why = f"{file}:{line}: it is not complete XML, from column {column + 1} on ({ErrorString(error.code)})"
+    else:
+        why = f"{file}: MuJoCo does not take it: {' '.join(said.split())}"
+    return f"{why}; correct the file there, `python -m mujoco.viewer --mjcf={file}` tries it"
 
 
 def _joint(model: Any, file: str, name: str) -> _Joint:
@@ -65,10 +80,9 @@ def _joint(model: Any, file: str, name: str) -> _Joint:
     driven = {each: list(_driving(model, number)) for each, number in joints.items()}
     names = [each for each, actuators in driven.items() if actuators]
     if name not in joints if name else len(names) != 1:
+        remedy = f"name it {file}#JOINT" if names else "`stagectl export STAGE.yaml --to mujoco` writes one"
         listed = ", ".join(names) or "none"
-        raise StageError(
-            f"{file}: one joint behind a control in effort is needed, and there are: {listed}; name it FILE.xml#JOINT"
-        )
+        raise StageError(f"{file}: one joint behind a control in effort is needed, and there are: {listed}; {remedy}")
     chosen = name or names[0]
     if len(driven[chosen]) != 1:
         raise StageError(

@@ -26,6 +26,7 @@ class Stop(NamedTuple):
     distance: float  # rad | m, the farthest from where it was left
     time: float  # s until it stood
     state: DriveState
+    path: list[tuple[float, float]]  # s from the begin of the watch, and position (rad | m)
 
 
 class DriveReader(PlainSdo):
@@ -57,17 +58,19 @@ class DriveReader(PlainSdo):
         """
         begun = time.monotonic()
         still, since, distance = self.position(), begun, 0.0
+        path: list[tuple[float, float]] = []
         while True:
             here, state, now = self.position(), self.state(), time.monotonic()
             distance = max(distance, abs(here - start))
+            path.append((now - begun, here))
             if abs(here - still) > STILL_COUNTS * self._step:
                 still, since = here, now
             stands, without = now - since > STILL_TIME, state is not DriveState.OPERATION_ENABLED
             if stands and without:
-                return Stop(True, True, distance, max(since - begun, 0.0), state)
+                return Stop(True, True, distance, max(since - begun, 0.0), state, path)
             if now - begun > timeout + PATIENCE or distance > farthest:
                 self.cut_power()
-                return Stop(stands, without, distance, now - begun, state)
+                return Stop(stands, without, distance, now - begun, state, path)
             time.sleep(LOOK)
 
     def cut_power(self) -> None:

@@ -28,5 +28,10 @@ PATIENCE = 3.0  # s; chosen; beyond time-out and ramp: then the axis counts as n
 LOOK = 0.005  # s; chosen; between two looks at ring or drive
 LOOP_PATIENCE = 90.0  # s; chosen; for a loop to connect, get power and end: a busy computer starts Python slowly
 
+# What is kept of each trial, signed and drawn
+TRACE_POINTS = 400  # chosen; periods of one trial, evenly spaced: more than a figure resolves
+TRACE_LEAD = 0.1  # s; chosen; before the event of a stop: enough to see the speed
+TRACE_DIGITS = 6  # chosen; significant ones: 1 nm of 1 mm
+
 LONGEST_NAME = 100  # characters; chosen; of the person
 SHORTEST_KEY = 16  # bytes; chosen; 128 bits: a shorter key for the signature can be guessed

@@ -9,6 +9,7 @@ from typing import Any
 
 from stagectl.number_format import length
 from stagectl.report.page import Page, Table, write
+from stagectl.workflows.acceptance.pictures import pictures
 from stagectl.workflows.acceptance.result import Acceptance, StepResult
 
 _HEAD = ["step", "what was tried", "result", "distance", "bound", "what was found"]
@@ -44,7 +45,7 @@ def _page(result: Acceptance, signature: dict[str, Any], machine: Path) -> Page:
         f"Acceptance of {result.stage}",
         answer,
         _notes(result, signature),
-        [],
+        pictures(result.steps, result.unit),
         [
             Table("Steps", _HEAD, [_row(step, result.unit) for step in result.steps], _SENTENCES),
             Table("Drive", ["", ""], [[name, value] for name, value in result.drive.items()]),

@@ -19,7 +19,8 @@ from stagectl.workflows.acceptance.limits import (
     RAMP_TIME,
 )
 from stagectl.workflows.acceptance.stop_bounds import lost_controller_bound, quick_stop_bound
-from stagectl.workflows.acceptance.trial import Push, Seen, ramp, trying
+from stagectl.workflows.acceptance.traces import Mark
+from stagectl.workflows.acceptance.trial import Push, Seen, ramp
 from stagectl.workflows.acceptance.workbench import Found, StepError, Workbench, passed
 
 _COMMANDED, _FLOWING = rollout.COLUMNS.index("current"), rollout.COLUMNS.index("measured_current")
@@ -53,7 +54,7 @@ def current_limit(bench: Workbench) -> Found:
     held = np.full(max(2, round(CLIP_TIME / dt)), CLIP_FACTOR * limit)
     push = Push(np.concatenate([ramp(CLIP_FACTOR * limit, CLIP_TIME, dt)[: round(CLIP_TIME / dt)], held, np.zeros(2)]),
                 limit, here - bench.window, here + bench.window)  # fmt: skip
-    with trying(bench.setup, push) as trial:
+    with bench.pushed(push, here, Mark(limit=limit)) as trial:
         trial.until(lambda now: False, 2.0 * CLIP_TIME)
         rows = trial.rows(len(push.currents))
         ended = trial.end()
@@ -79,6 +80,7 @@ def killed(bench: Workbench) -> Found:
         seen = bench.at_speed(trial, 1)
         trial.kill()
         seen = trial.seen() or seen  # the last period that it lived
+        bench.left("kill -9", seen)
         bound = _loss_bound(bench, seen)
         stop = bench.stopped(seen, bench.protection.timeout, bound)
     return bench.judged(stop.distance, bound, time=stop.time, speed=bench.table(seen.speed), state=stop.state.words)
@@ -90,6 +92,7 @@ def silent(bench: Workbench) -> Found:
         seen = bench.at_speed(trial, -1)
         trial.freeze()
         seen = trial.seen() or seen
+        bench.left("the last message", seen)
         bound = _loss_bound(bench, seen)
         try:
             stop = bench.stopped(seen, bench.protection.timeout, bound)
@@ -102,6 +105,7 @@ def quick_stop(bench: Workbench) -> Found:
     """The stop that the loop asks of the drive."""
     with bench.creeping(1, bench.window) as (trial, _):
         seen = bench.at_speed(trial, 1)
+        bench.left("the order to stop", seen)
         ended = trial.stop()
         last = trial.seen() or seen
     bound = quick_stop_bound(bench.setup, last.speed, last.current)
@@ -116,6 +120,7 @@ def travel_limits(bench: Workbench) -> Found:
     facts: dict[str, Any] = {}
     for direction in (1, -1):
         with bench.creeping(direction, bench.narrow) as (trial, here):
+            bench.mark = Mark("high" if direction > 0 else "low", origin=here + direction * bench.narrow)
             trial.until(lambda now: False, RAMP_TIME)
             last, ended = trial.seen(), trial.end()
         if ended.fault not in _LIMITS or last is None:
@@ -136,6 +141,7 @@ def _nudged(bench: Workbench, direction: int) -> tuple[Seen, float]:
     """The axis as it begins to move, either way, and by how much (rad | m); it is stopped at once."""
     least = POLARITY_COUNTS * bench.step
     with bench.creeping(direction, max(bench.narrow, 4.0 * least)) as (trial, here):
+        bench.mark = Mark("positive" if direction > 0 else "negative", least=direction * least)
         seen = trial.until(lambda now: abs(now.position - here) >= least, RAMP_TIME)
         if seen is None:
             ended = trial.end()

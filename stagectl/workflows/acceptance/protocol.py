@@ -99,6 +99,11 @@ def _performed(bench: Workbench, person: Signatory, say: Say) -> tuple[StepResul
 
 
 def _done(bench: Workbench, step: Step) -> StepResult:
+    bench.traces.clear()
+    return _tried(bench, step)._replace(traces=tuple(bench.traces))
+
+
+def _tried(bench: Workbench, step: Step) -> StepResult:
     try:
         outcome, words, measured, bound, facts = step.run(bench)
     except StepError as error:

@@ -19,10 +19,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from stagectl.problem import absent
 from stagectl.units import StageError
 from stagectl.workflows.acceptance.limits import SHORTEST_KEY
+from stagectl.workflows.acceptance.traces import Trace
 
 FORMAT = "stagectl-acceptance/1"
+_PARTS = ("content", "sha256", "hmac_sha256")
 
 
 class Outcome(enum.Enum):
@@ -43,6 +46,12 @@ class StepResult(NamedTuple):
     measured: float | None = None
     bound: float | None = None
     facts: Mapping[str, Any] = MappingProxyType({})  # JSON values
+    traces: tuple[Trace, ...] = ()  # of its trials under power
+
+    def content(self) -> dict[str, Any]:
+        """All of it as JSON values."""
+        traces = [trace._asdict() for trace in self.traces]
+        return {**self._asdict(), "outcome": self.outcome.value, "facts": dict(self.facts), "traces": traces}
 
 
 class Acceptance(NamedTuple):
@@ -67,7 +76,7 @@ class Acceptance(NamedTuple):
 
     def content(self) -> dict[str, Any]:
         """All of it as JSON values."""
-        steps = [{**step._asdict(), "outcome": step.outcome.value, "facts": dict(step.facts)} for step in self.steps]
+        steps = [step.content() for step in self.steps]
         return {"format": FORMAT, "accepted": self.accepted, **self._asdict(), "steps": steps}
 
 
@@ -82,22 +91,36 @@ def verify(path: Path, key: bytes | None = None) -> dict[str, Any]:
 
     Raises StageError where it is no such file, was changed, or was not signed with this `key`.
     """
-    try:
-        page = json.loads(path.read_text(encoding="utf-8"))
-        content, digest, code = page["content"], str(page["sha256"]), page["hmac_sha256"]
-    except KeyError as error:
-        raise StageError(f"{path} is not the JSON of `stagectl drive accept`: it has no {error}") from error
-    except (ValueError, TypeError) as error:
-        raise StageError(f"{path} is not the JSON of `stagectl drive accept`: {error}") from error
-    if not isinstance(content, dict) or not hmac.compare_digest(digest, _hash(content)):
+    if not path.is_file():
+        raise StageError(f"{path}: {absent(path)}")
+    content, digest, code = _parts(path)
+    if not hmac.compare_digest(digest, _hash(content)):
         raise StageError(f"{path} was changed after it was signed: its SHA-256 is not {digest}")
     if key is not None and not hmac.compare_digest(str(code), _hmac(content, key)):
         raise StageError(f"{path} was not signed with this key: its HMAC is {code}")
     return content
 
 
+def _parts(path: Path) -> tuple[dict[str, Any], str, Any]:
+    """Content, hash and HMAC as the file has them."""
+    other = f"{path} is not the JSON of `stagectl drive accept`"
+    remedy = "give the .json that it wrote next to the page; `ls *.json` shows what is here"
+    try:
+        page = json.loads(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise StageError(f"{other}: byte {error.start + 1} is not text; {remedy}") from error
+    except json.JSONDecodeError as error:
+        raise StageError(f"{other}: line {error.lineno}, column {error.colno} is not JSON; {remedy}") from error
+    lacking = [name for name in _PARTS if name not in page] if isinstance(page, dict) else [*_PARTS]
+    if lacking or not isinstance(page["content"], dict):
+        raise StageError(f"{other}: it has no {', '.join(lacking) or 'object under content'}; {remedy}")
+    return page["content"], str(page["sha256"]), page["hmac_sha256"]
+
+
 def read_key(path: Path) -> bytes:
     """A key for the signature.  Raises StageError where it is too short to be one."""
+    if not path.is_file():
+        raise StageError(f"{path}: {absent(path)}; `openssl rand -hex 32 > {path}` makes a key")
     key = path.read_bytes().strip()
     if len(key) < SHORTEST_KEY:
         raise StageError(

@@ -101,6 +101,11 @@ class Trial:
         first = max(0, self._ring.written - most)
         return np.frombuffer(self._ring.read(first, most)[1]).reshape(-1, rollout.WIDTH)
 
+    def all_rows(self) -> tuple[int, NDArray[np.float64]]:
+        """Number of the first row that is still in the ring, and the rows (n, WIDTH) from there on."""
+        first, data = self._ring.read(0, self._ring.written)
+        return first, np.frombuffer(data).reshape(-1, rollout.WIDTH)
+
     def stop(self) -> Ended:
         """Order the quick stop and wait for its end."""
         self._board.order(boards.Order(Event.QUICK_STOP))

@@ -24,6 +24,7 @@ from stagectl.workflows.acceptance.limits import (
 )
 from stagectl.workflows.acceptance.result import Outcome
 from stagectl.workflows.acceptance.stop_bounds import UNREAD, Protection
+from stagectl.workflows.acceptance.traces import Mark, Path, Trace, traced
 from stagectl.workflows.acceptance.trial import Push, Seen, Trial, ramp, trying
 
 
@@ -51,6 +52,9 @@ class Workbench:
     protection: Protection = UNREAD
     drive: dict[str, str] = field(default_factory=dict)
     moving_current: float = 0.0  # A, at which the axis began to move
+    mark: Mark = field(default_factory=Mark)  # of the trial at hand
+    path: Path = field(default_factory=list)  # the same, once its controller is gone
+    traces: list[Trace] = field(default_factory=list)  # of the step's trials
 
     @classmethod
     def of(cls, setup: Setup, current: float | None) -> Workbench:
@@ -128,8 +132,24 @@ class Workbench:
         """The axis begins to creep in a `direction`, with `room` (rad | m) to either side of where it is."""
         here = self.ready()
         currents = direction * ramp(self.current, RAMP_TIME, self.setup.dt)
-        with trying(self.setup, Push(currents, self.current, here - room, here + room)) as trial:
+        with self.pushed(Push(currents, self.current, here - room, here + room), here, Mark()) as trial:
             yield trial, here
+
+    @contextlib.contextmanager
+    def pushed(self, push: Push, here: float, mark: Mark) -> Iterator[Trial]:
+        """A trial that begins at `here` (rad | m); its trace is kept, however it ends."""
+        self.mark, self.path = mark, []
+        with trying(self.setup, push) as trial:
+            try:
+                yield trial
+            finally:
+                first, rows = trial.all_rows()
+                grid = (self.setup.dt, here, self.setup.file.axis.travel_per_unit)
+                self.traces.append(traced(rows, first, grid, self.mark, self.path))
+
+    def left(self, event: str, seen: Seen) -> None:
+        """What happened in the period that was `seen` last: the bound counts from there."""
+        self.mark = Mark(event=event, row=seen.rows - 1, origin=seen.position)
 
     def at_speed(self, trial: Trial, direction: int) -> Seen:
         """The axis once it moves at the test speed.  Raises StepError where the loop ended before."""
@@ -144,6 +164,7 @@ class Workbench:
         """Watch the axis, left alone with `seen`.  Raises StepError where it does not come to rest."""
         with self.reading() as drive:
             stop = drive.watch_stop(seen.position, timeout, self.window)
+        self.path = stop.path
         if not (stop.stands and stop.without_power):
             raise StepError(
                 f"the drive did not stop by itself within {stop.time:.2f} s: {stop.state.words},"
