@@ -89,14 +89,25 @@ def test_gravity_is_the_same_by_both_methods() -> None:
     assert not set(wide["changes"]) & {"mechanics.viscous", "friction"}
 
 
-def test_two_directions_of_torque_steps_are_one_answer() -> None:
-    """The catalogue's viscous friction from the measured torque; one direction alone is refused, with the remedy."""
+def torque_steps() -> tuple[Path, list[Path]]:
+    """The HSM150's stage file with wrong values, and its records of one direction and of the other."""
     logs = [record("hsm150", f"idf_{name}_1.mat") for name in ("neg_0.04", "pos_0.06")]
     wrong = {"inertia": 1.5e-4, "viscous": 5e-5, "coulomb": 0.02, "counts": 10000, "speed": 400}
-    machine = stage(name="HSM150", gain=0.0458, **wrong)
+    return stage(name="HSM150", gain=0.0458, **wrong), logs
+
+
+def test_two_directions_of_torque_steps_are_one_answer() -> None:
+    """The catalogue's viscous friction from the measured torque; one direction alone is refused, with the remedy."""
+    machine, logs = torque_steps()
     parameters = identified("least-squares", machine, *logs, "--columns", HSM_COLUMNS)["parameters"]
     assert parameters["viscous"]["value"] == pytest.approx(HSM["viscous"], rel=0.1)
-    assert 0.5 * HSM["inertia"] < parameters["inertia"]["value"] < HSM["inertia"]
     words = ["identify", "least-squares", str(machine), str(logs[0]), "--columns", HSM_COLUMNS]
     refused = CliRunner().invoke(application(), words)
     assert refused.exit_code != 0 and "both directions together" in " ".join(str(refused.exception).split())
+
+
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="7.7e-5 +- 1.7e-5 kg m^2: 36 % below the catalogue's")
+def test_the_interval_of_torque_steps_holds_the_inertia_of_the_catalogue() -> None:
+    machine, logs = torque_steps()
+    found = identified("least-squares", machine, *logs, "--columns", HSM_COLUMNS)["parameters"]["inertia"]
+    assert found["low"] <= HSM["inertia"] <= found["high"]

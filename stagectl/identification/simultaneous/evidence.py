@@ -119,12 +119,11 @@ def _without_noise(p: Problem, fit: Fit, forces: Forces) -> Problem:
     residual = _residual(p, fit, forces)
     sensed = p.file.motor.force_constant**2 * current_noise(p.parts)
     inertia = float(fit.known.mean[ACCELERATION, fit.best])
-    moved = max(standard_errors.noise(residual) - sensed, 0.0) / inertia**2
-    noise = min(len(residual) * moved, thresholds.MOST_NOISE * _alone(p.gram, ACCELERATION))
+    seen = max(standard_errors.noise(residual) - sensed, 0.0)
+    noise = min(len(residual) * seen / inertia**2, thresholds.MOST_NOISE * _alone(p.gram, ACCELERATION))
     gram = p.gram.copy()
     gram[ACCELERATION, ACCELERATION] -= noise
-    share = min(noise * inertia**2 / (len(residual) * fit.variance), 1.0)
-    return p._replace(gram=gram, acceleration_noise=noise, moved_share=share)
+    return p._replace(gram=gram, acceleration_noise=noise, moved_share=min(seen / fit.variance, 1.0))
 
 
 def _alone(gram: Array, place: int) -> float:
