@@ -34,7 +34,7 @@ from stagectl.gap.experiment_design.unseen import unseen
 from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.units import StageError
-from stagectl.workflows import campaign, stage_versions
+from stagectl.workflows import campaign, gap_closing, stage_versions
 from stagectl.workflows.acceptance import page as acceptance_page
 from stagectl.workflows.acceptance import protocol
 from stagectl.workflows.acceptance.result import signed
@@ -113,9 +113,14 @@ class Commissioning:
         return result.save(self.folder(step) / f"{step}.html")
 
     def machine_time(self) -> float:
-        """All recorded motion so far (s)."""
-        paths = self.path.with_suffix(".commission").rglob("*.h5")
-        return sum(float(open_recording(path, only=("time",)).column("time")[-1]) for path in paths)
+        """All motion of the machine so far (s); what was only foretold is none."""
+        return moved(self.path.with_suffix(".commission"))
+
+
+def moved(folder: Path) -> float:
+    """Duration (s) of all recordings in a folder but those of runs that were simulated to foretell the machine's."""
+    paths = (path for path in folder.rglob("*.h5") if gap_closing.FORETOLD not in path.relative_to(folder).parts)
+    return sum(float(open_recording(path, only=("time",)).column("time")[-1]) for path in paths)
 
 
 def _probe(p: Commissioning) -> Done:

@@ -21,12 +21,15 @@ def sentence(result: Result) -> str:
     """What was reached, in one line."""
     if not result["rounds"]:
         return f"Nothing was changed: {result['ended']}"
-    before, after = (length(result["levels"][name], result["unit"]) for name in ("before", "after"))
+    rms, peak = (
+        " -> ".join(length(result[levels][name], result["unit"]) for name in ("before", "after"))
+        for levels in ("levels", "peaks")
+    )
     gave = ", ".join(
         f"{label(name)} gave {percent(share)}"
         for name, share in sorted(result["shares"].items(), key=lambda item: -item[1])
     )
-    return f"Tracking error {before} -> {after} rms on motions that nothing had seen" + (f"; {gave}" if gave else "")
+    return f"Tracking error {rms} rms, {peak} peak, on motions that nothing had seen" + (f"; {gave}" if gave else "")
 
 
 def notes(result: Result) -> list[str]:
