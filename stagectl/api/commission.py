@@ -38,6 +38,7 @@ from stagectl.workflows import campaign, gap_closing, stage_versions
 from stagectl.workflows.acceptance import page as acceptance_page
 from stagectl.workflows.acceptance import protocol
 from stagectl.workflows.acceptance.result import signed
+from stagectl.workflows.closing_shares import REST
 from stagectl.workflows.machine_of_the_day import drawn
 from stagectl.workflows.motion import lasting, line_of, on_channel, with_machine_of_the_day
 from stagectl.workflows.trials import Shown, ready
@@ -175,7 +176,8 @@ def _close(p: Commissioning) -> Done:
     page = p.page("close", closed)
     if closed.result["rounds"]:
         stage_versions.replaced(p.path, closed.model.read_text(encoding="utf-8"), [page])
-    return Done(closed.sheet().answer, page, {"effects": closed.result["shares"], "dropped": closed.result["dropped"]})
+    effects = {name: share for name, share in closed.result["shares"].items() if name != REST}
+    return Done(closed.sheet().answer, page, {"effects": effects, "dropped": closed.result["dropped"]})
 
 
 def _compare(p: Commissioning) -> Done:

@@ -55,13 +55,24 @@ def _shrunk(where: str, levels: dict[str, float], result: Result) -> str:
 
 
 def tables(result: Result) -> list[Table]:
-    """Peak and rms of each motion, before, after, and without each effect."""
+    """Peak and rms of each motion, before, after, and without each effect; then the shares."""
     rows = [
         [motion.removeprefix("unseen-"), name, *(length(row[measure]["mean"], result["unit"]) for measure in MEASURES)]
         for motion, variants in result["errors"].items()
         for name, row in variants.items()
     ]
-    return [Table("Tracking error on motions that nothing had seen", ["motion", "model", "peak", "rms"], rows)]
+    found = [Table("Tracking error on motions that nothing had seen", ["motion", "model", "peak", "rms"], rows)]
+    return [*found, _shares(result)] if result["shares"] else found
+
+
+def _shares(result: Result) -> Table:
+    """Of the squared error that went, with the intervals."""
+    intervals = result["share_intervals"]
+    rows = [
+        [label(name), percent(share), "" if intervals[name] is None else " to ".join(map(percent, intervals[name]))]
+        for name, share in result["shares"].items()
+    ]
+    return Table("Share of the squared error that went", ["effect", "share", "95 % interval"], rows)
 
 
 MEASURES = ("peak", "rms")

@@ -59,12 +59,3 @@ def _each(errors: Errors, variant: str, measure: str = "rms") -> NDArray[np.floa
 def level(errors: Errors, variant: str, measure: str = "rms") -> float:
     """Geometric mean of the tracking error (m | rad) over all motions, in the mean square of their repeats."""
     return float(np.sqrt(np.mean(np.exp(np.mean(np.log(_each(errors, variant, measure)), axis=0)) ** 2)))
-
-
-def shares(levels: dict[str, float], effects: tuple[str, ...]) -> dict[str, float]:
-    """What the squared error grows by without each effect, over what all that was found takes from it."""
-    after = levels[AFTER] ** 2
-    gained = levels[BEFORE] ** 2 - after
-    if gained <= 0.0:
-        return {}
-    return {name: (levels[f"{WITHOUT}{name}"] ** 2 - after) / gained for name in effects}

@@ -10,7 +10,7 @@ A round is kept where the rms tracking error on the unseen motions shrinks, on t
 vary, and neither rms nor peak grows on any of them by more than a tenth.  Each motion counts alike, by the ratio of its
 errors.
 
-At the end each effect is left out of the feedforward in turn: what the error then grows by is its worth.  An effect
+At the end each effect is left out of the feedforward in turn: that gives its share, see `closing_shares`.  An effect
 without which the error is smaller is dropped from the feedforward (`control.unanswered`); the model keeps it.
 """
 
@@ -38,7 +38,8 @@ from stagectl.gap.steps import in_percent
 from stagectl.number_format import length, percent
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
-from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, shares, smaller
+from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, smaller
+from stagectl.workflows.closing_shares import shares
 from stagectl.workflows.layer_comparison import compare
 from stagectl.workflows.motion import Commanded, lasting, lay_out
 from stagectl.workflows.trials import Machine, Result, Shown, ready
@@ -221,6 +222,7 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
         "simulated": closing.machine.simulated,
         "errors": {},
         "shares": {},
+        "share_intervals": {},
         "dropped": [],
         "model": str(rounds[-1].stage if rounds else closing.version(0)),
     }
@@ -235,11 +237,13 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
         errors = _judged(closing, model, "judged-again", shown, effects)
         answer |= {"dropped": dropped, "model": str(model)}
     levels = {name: level(errors, name) for name in next(iter(errors.values()))}
+    gave = shares(errors, effects)
     foretold = _foretold(closing, Path(answer["model"]), shown)
     return {
         **answer,
         "errors": errors,
-        "shares": shares(levels, effects),
+        "shares": {name: one.share for name, one in gave.items()},
+        "share_intervals": {name: one.interval for name, one in gave.items()},
         "levels": levels,
         "peaks": {name: level(errors, name, "peak") for name in (BEFORE, AFTER)},
         "foretold": foretold,
