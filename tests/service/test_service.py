@@ -23,8 +23,8 @@ from stagectl.realtime.states import State
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.virtual_timeouts import HELD_UP
 from stagectl.web.client import ControlError, RefusedError, ask, stop
-from tests.conftest import CONFIG, ROOT, Command
-from tests.service.serving import Served, child_of, free_port, served, within
+from tests.conftest import CONFIG, ROOT, Command, child_of
+from tests.service.serving import Served, free_port, served, within
 
 PORT = free_port()
 MOST_MEMORY = 80 * 1024  # KiB, of the real-time process
