@@ -68,6 +68,22 @@ def put_into(rows: Array, p: stage.Stage, current: Array, place: float) -> int:
     return int(np.sum(np.abs(current) > most))
 
 
+def largest(p: stage.Stage, motion: Array, dt: float) -> tuple[str, float]:
+    """Dotted place of the effect that demands the largest current along `motion` on its own, and that current (A).
+
+    `motion` and `dt` as in `along`; the axis begins at rest.
+    """
+    known, each, demanded = plain(p), steps(p, dt), dict[str, float]()
+    groups = (("drive", p.drive), ("motor", p.motor), ("mechanics", p.mechanics), ("friction", p.friction))
+    for place in ("residual", *(f"{name}.{field}" for name, group in groups for field in group._fields)):
+        if (value := get(p, place)) != get(known, place):
+            alone = put(known, place, value)
+            memory = begun(alone, float(motion[0, 0]))
+            further, _ = _further((alone, known), memory, motion, (dt / each, each))
+            demanded[place] = float(np.abs(further - memory.at_rest).max())
+    return max(demanded.items(), key=lambda item: item[1])
+
+
 def read_beside(p: stage.Stage, place: float, way: Array) -> Array:
     """What the encoder adds to each of `way` (n,) rad | m, counted from where it reads `place`."""
     origin = equilibrium.read(p, place)
