@@ -95,7 +95,7 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, start: 
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
     rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if start.stops is None else start.stops, force)
-    answer = _add_effects(setup, parts.motion, rows, start) if feedforward.with_effects else _NO_EFFECTS
+    answer = _add_effects(setup, parts.motion, rows, start) if feedforward.with_effects else model_effects.Answer()
     _experiment(setup, parts, rows)
     return Plan(rows, parts.steady, parts.duration, _excitation(parts), *answer)
 
@@ -113,21 +113,13 @@ def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | N
     return rows
 
 
-_NO_EFFECTS = (None, 0, ("", 0.0))
-
-
-def _add_effects(
-    setup: Setup, motion: Trajectory, rows: Array, start: Start
-) -> tuple[model_effects.Memory | None, int, tuple[str, float]]:
-    """Put the current against the model's further effects into `rows`, with the friction.
-
-    Returns what they remember then, in how many periods the current was limited, and which effect demands the most.
-    """
+def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) -> model_effects.Answer:
+    """Put the current against the model's further effects into `rows`, with the friction."""
     p, dt = model_effects.without(setup.stage, setup.file.control.unanswered), setup.dt
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
     if not model_effects.present(p):
-        return _NO_EFFECTS
+        return model_effects.Answer()
     each = model_effects.steps(p, dt)
     t: Array = dt / each * np.arange(each * len(rows) + 1, dtype=np.float64) + command_delay(setup)
     path = np.stack(motion.at(t)[:3], axis=1) / setup.file.axis.travel_per_unit
@@ -135,7 +127,7 @@ def _add_effects(
     memory = model_effects.begun(p, start.position) if start.effects is None else start.effects
     current, memory = model_effects.along(p, memory, path, dt)
     limited = model_effects.put_into(rows, p, current, start.position)
-    return memory, limited, model_effects.largest(p, path, dt) if limited else ("", 0.0)
+    return model_effects.Answer(memory, limited, model_effects.largest(p, path, dt) if limited else ("", 0.0))
 
 
 def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:

@@ -42,6 +42,14 @@ class Memory(NamedTuple):
         return Memory(whole, plain, self.at_rest)
 
 
+class Answer(NamedTuple):
+    """What the current against the effects of a motion came to."""
+
+    memory: Memory | None = None  # at the motion's end; None where the model has no effects
+    limited: int = 0  # periods in which it reached its share of the limit
+    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if limited
+
+
 def present(p: stage.Stage) -> bool:
     """Whether the model holds anything beyond tracking and rolling friction that is answered."""
     known = plain(p)
