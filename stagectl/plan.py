@@ -70,6 +70,7 @@ class Plan(NamedTuple):
     excitation: tuple[Span, ...] = ()  # steady parts of an injected current
     effects: model_effects.Memory | None = None  # of the model's effects at its end; None where it has none
     limited: int = 0  # periods in which the current against them reached its share of the limit
+    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if limited
 
 
 def command_delay(setup: Setup) -> float:
@@ -94,9 +95,9 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, start: 
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
     rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if start.stops is None else start.stops, force)
-    memory, limited = _add_effects(setup, parts.motion, rows, start) if feedforward.with_effects else (None, 0)
+    answer = _add_effects(setup, parts.motion, rows, start) if feedforward.with_effects else model_effects.Answer()
     _experiment(setup, parts, rows)
-    return Plan(rows, parts.steady, parts.duration, _excitation(parts), memory, limited)
+    return Plan(rows, parts.steady, parts.duration, _excitation(parts), *answer)
 
 
 def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | None) -> NDArray[np.float64]:
@@ -112,25 +113,21 @@ def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | N
     return rows
 
 
-def _add_effects(
-    setup: Setup, motion: Trajectory, rows: Array, start: Start
-) -> tuple[model_effects.Memory | None, int]:
-    """Put the current against the model's further effects into `rows`, with the friction.
-
-    Returns what they remember then, and in how many periods the current was limited.
-    """
+def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) -> model_effects.Answer:
+    """Put the current against the model's further effects into `rows`, with the friction."""
     p, dt = model_effects.without(setup.stage, setup.file.control.unanswered), setup.dt
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
     if not model_effects.present(p):
-        return None, 0
+        return model_effects.Answer()
     each = model_effects.steps(p, dt)
     t: Array = dt / each * np.arange(each * len(rows) + 1, dtype=np.float64) + command_delay(setup)
     path = np.stack(motion.at(t)[:3], axis=1) / setup.file.axis.travel_per_unit
     path[:, 0] += start.position
     memory = model_effects.begun(p, start.position) if start.effects is None else start.effects
     current, memory = model_effects.along(p, memory, path, dt)
-    return memory, model_effects.put_into(rows, p, current, start.position)
+    limited = model_effects.put_into(rows, p, current, start.position)
+    return model_effects.Answer(memory, limited, model_effects.largest(p, path, dt) if limited else ("", 0.0))
 
 
 def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:

@@ -34,10 +34,11 @@ from stagectl.gap.experiment_design.unseen import unseen
 from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.units import StageError
-from stagectl.workflows import campaign, stage_versions
+from stagectl.workflows import campaign, gap_closing, stage_versions
 from stagectl.workflows.acceptance import page as acceptance_page
 from stagectl.workflows.acceptance import protocol
 from stagectl.workflows.acceptance.result import signed
+from stagectl.workflows.closing_shares import REST
 from stagectl.workflows.machine_of_the_day import drawn
 from stagectl.workflows.motion import lasting, line_of, on_channel, with_machine_of_the_day
 from stagectl.workflows.trials import Shown, ready
@@ -113,9 +114,14 @@ class Commissioning:
         return result.save(self.folder(step) / f"{step}.html")
 
     def machine_time(self) -> float:
-        """All recorded motion so far (s)."""
-        paths = self.path.with_suffix(".commission").rglob("*.h5")
-        return sum(float(open_recording(path, only=("time",)).column("time")[-1]) for path in paths)
+        """All motion of the machine so far (s); what was only foretold is none."""
+        return moved(self.path.with_suffix(".commission"))
+
+
+def moved(folder: Path) -> float:
+    """Duration (s) of all recordings in a folder but those of runs that were simulated to foretell the machine's."""
+    paths = (path for path in folder.rglob("*.h5") if gap_closing.FORETOLD not in path.relative_to(folder).parts)
+    return sum(float(open_recording(path, only=("time",)).column("time")[-1]) for path in paths)
 
 
 def _probe(p: Commissioning) -> Done:
@@ -170,7 +176,8 @@ def _close(p: Commissioning) -> Done:
     page = p.page("close", closed)
     if closed.result["rounds"]:
         stage_versions.replaced(p.path, closed.model.read_text(encoding="utf-8"), [page])
-    return Done(closed.sheet().answer, page, {"effects": closed.result["shares"], "dropped": closed.result["dropped"]})
+    effects = {name: share for name, share in closed.result["shares"].items() if name != REST}
+    return Done(closed.sheet().answer, page, {"effects": effects, "dropped": closed.result["dropped"]})
 
 
 def _compare(p: Commissioning) -> Done:

@@ -42,6 +42,14 @@ class Memory(NamedTuple):
         return Memory(whole, plain, self.at_rest)
 
 
+class Answer(NamedTuple):
+    """What the current against the effects of a motion came to."""
+
+    memory: Memory | None = None  # at the motion's end; None where the model has no effects
+    limited: int = 0  # periods in which it reached its share of the limit
+    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if limited
+
+
 def present(p: stage.Stage) -> bool:
     """Whether the model holds anything beyond tracking and rolling friction that is answered."""
     known = plain(p)
@@ -66,6 +74,22 @@ def put_into(rows: Array, p: stage.Stage, current: Array, place: float) -> int:
         target = SETPOINT_COLUMNS["target"]
         rows[:, target] += read_beside(p, place, rows[:, target])
     return int(np.sum(np.abs(current) > most))
+
+
+def largest(p: stage.Stage, motion: Array, dt: float) -> tuple[str, float]:
+    """Dotted place of the effect that demands the largest current along `motion` on its own, and that current (A).
+
+    `motion` and `dt` as in `along`; the axis begins at rest.
+    """
+    known, each, demanded = plain(p), steps(p, dt), dict[str, float]()
+    groups = (("drive", p.drive), ("motor", p.motor), ("mechanics", p.mechanics), ("friction", p.friction))
+    for place in ("residual", *(f"{name}.{field}" for name, group in groups for field in group._fields)):
+        if (value := get(p, place)) != get(known, place):
+            alone = put(known, place, value)
+            memory = begun(alone, float(motion[0, 0]))
+            further, _ = _further((alone, known), memory, motion, (dt / each, each))
+            demanded[place] = float(np.abs(further - memory.at_rest).max())
+    return max(demanded.items(), key=lambda item: item[1])
 
 
 def read_beside(p: stage.Stage, place: float, way: Array) -> Array:

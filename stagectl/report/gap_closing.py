@@ -21,12 +21,15 @@ def sentence(result: Result) -> str:
     """What was reached, in one line."""
     if not result["rounds"]:
         return f"Nothing was changed: {result['ended']}"
-    before, after = (length(result["levels"][name], result["unit"]) for name in ("before", "after"))
+    rms, peak = (
+        " -> ".join(length(result[levels][name], result["unit"]) for name in ("before", "after"))
+        for levels in ("levels", "peaks")
+    )
     gave = ", ".join(
         f"{label(name)} gave {percent(share)}"
         for name, share in sorted(result["shares"].items(), key=lambda item: -item[1])
     )
-    return f"Tracking error {before} -> {after} rms on motions that nothing had seen" + (f"; {gave}" if gave else "")
+    return f"Tracking error {rms} rms, {peak} peak, on motions that nothing had seen" + (f"; {gave}" if gave else "")
 
 
 def notes(result: Result) -> list[str]:
@@ -52,13 +55,24 @@ def _shrunk(where: str, levels: dict[str, float], result: Result) -> str:
 
 
 def tables(result: Result) -> list[Table]:
-    """Peak and rms of each motion, before, after, and without each effect."""
+    """Peak and rms of each motion, before, after, and without each effect; then the shares."""
     rows = [
         [motion.removeprefix("unseen-"), name, *(length(row[measure]["mean"], result["unit"]) for measure in MEASURES)]
         for motion, variants in result["errors"].items()
         for name, row in variants.items()
     ]
-    return [Table("Tracking error on motions that nothing had seen", ["motion", "model", "peak", "rms"], rows)]
+    found = [Table("Tracking error on motions that nothing had seen", ["motion", "model", "peak", "rms"], rows)]
+    return [*found, _shares(result)] if result["shares"] else found
+
+
+def _shares(result: Result) -> Table:
+    """Of the squared error that went, with the intervals."""
+    intervals = result["share_intervals"]
+    rows = [
+        [label(name), percent(share), "" if intervals[name] is None else " to ".join(map(percent, intervals[name]))]
+        for name, share in result["shares"].items()
+    ]
+    return Table("Share of the squared error that went", ["effect", "share", "95 % interval"], rows)
 
 
 MEASURES = ("peak", "rms")

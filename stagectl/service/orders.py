@@ -178,6 +178,9 @@ class OrderHandler:
         planned = [(motion, await self.service.planner.plan(task)) for motion, task in tasks]
         if any((motion.board, motion.stops) != (motion.axis.board, motion.axis.board.stops) for motion in wanted):
             raise ServiceError("stopped before it began: the motion was still being laid out")
+        for motion, laid_out in planned:
+            if laid_out.limited:
+                self.service.say(f"{motion.axis.name}: {laid_out.limited}")
         orders = [
             (motion.axis, motion.axis.start(laid_out, len(tasks))._replace(stops=motion.stops))
             for motion, laid_out in planned

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.compensation.constants import EFFECTS_SHARE
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels.feedforward import Feedforward
-from stagectl.plan import Start, check_duration, plan
+from stagectl.plan import Plan, Start, check_duration, plan
 from stagectl.problem import Problem
 from stagectl.service.limits import PLANNED_ROWS
 from stagectl.trajectories import Experiment, phases
@@ -45,6 +46,7 @@ class Motion(NamedTuple):
     length: int  # rows
     span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
     left: Start  # what it leaves of the friction; its position is that of its beginning
+    limited: str = ""  # words, where the current against the model's effects was limited
 
 
 class Refusal(NamedTuple):
@@ -69,4 +71,17 @@ def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
     laid_out = plan(task.setup, trajectory, task.feedforward, start)
     rows = np.ascontiguousarray(laid_out.setpoints)
     span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
-    return Motion(task.name, b"", len(rows), span, start._replace(effects=laid_out.effects)), rows
+    left = start._replace(effects=laid_out.effects)
+    return Motion(task.name, b"", len(rows), span, left, _limited(task, laid_out)), rows
+
+
+def _limited(task: Task, laid_out: Plan) -> str:
+    """That the current against the model's effects was limited, in words; empty where it was not."""
+    if not laid_out.limited:
+        return ""
+    most, (place, current) = EFFECTS_SHARE * task.setup.stage.drive.current_limit, laid_out.largest
+    return (
+        f"{task.name}: the current against the model's effects is limited to {most:.3g} A in {laid_out.limited} of "
+        f"{len(laid_out.setpoints)} periods; the feedback takes the rest. {place} demands the most, {current:.3g} A on "
+        f"its own: check its value; `stagectl gap close {task.setup.path}` tells what it is worth"
+    )

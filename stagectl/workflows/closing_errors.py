@@ -37,25 +37,25 @@ def refusal(errors: Errors) -> str:
         growth = motion[AFTER]["rms"]["mean"] / motion[BEFORE]["rms"]["mean"]
         if growth > GROWN:
             return f"with the last model the error of {name} was {growth:.2g} times as large: it is not kept"
+        growth = _least_growth(motion)
+        if growth > GROWN:
+            return f"with the last model the peak error of {name} was {growth:.2g} times as large: it is not kept"
     if not smaller(errors):
         return "the last model made the error no smaller than its repeats vary: it is not kept"
     return ""
 
 
-def _each(errors: Errors, variant: str) -> NDArray[np.float64]:
-    """Rms tracking errors (m | rad) of all motions and repeats."""
-    return np.array([motion[variant]["rms"]["values"] for motion in errors.values()])
+def _least_growth(motion: dict[str, dict[str, Any]]) -> float:
+    """By what the peak error of one motion grew in every repeat: a peak varies by chance more than a mean square."""
+    before, after = (np.array(motion[variant]["peak"]["values"]) for variant in (BEFORE, AFTER))
+    return float(np.min(after / before))
 
 
-def level(errors: Errors, variant: str) -> float:
-    """Geometric mean of the rms tracking error (m | rad) over all motions, in the mean square of their repeats."""
-    return float(np.sqrt(np.mean(np.exp(np.mean(np.log(_each(errors, variant)), axis=0)) ** 2)))
+def _each(errors: Errors, variant: str, measure: str = "rms") -> NDArray[np.float64]:
+    """Tracking errors (m | rad) of all motions and repeats."""
+    return np.array([motion[variant][measure]["values"] for motion in errors.values()])
 
 
-def shares(levels: dict[str, float], effects: tuple[str, ...]) -> dict[str, float]:
-    """What the squared error grows by without each effect, over what all that was found takes from it."""
-    after = levels[AFTER] ** 2
-    gained = levels[BEFORE] ** 2 - after
-    if gained <= 0.0:
-        return {}
-    return {name: (levels[f"{WITHOUT}{name}"] ** 2 - after) / gained for name in effects}
+def level(errors: Errors, variant: str, measure: str = "rms") -> float:
+    """Geometric mean of the tracking error (m | rad) over all motions, in the mean square of their repeats."""
+    return float(np.sqrt(np.mean(np.exp(np.mean(np.log(_each(errors, variant, measure)), axis=0)) ** 2)))

@@ -7,9 +7,10 @@
                         +------------------------------ the error shrank: again <------------------------+
 
 A round is kept where the rms tracking error on the unseen motions shrinks, on the machine, by more than its repeats
-vary, and grows on none of them by more than a tenth.  Each motion counts alike, by the ratio of its errors.
+vary, and neither rms nor peak grows on any of them by more than a tenth.  Each motion counts alike, by the ratio of its
+errors.
 
-At the end each effect is left out of the feedforward in turn: what the error then grows by is its worth.  An effect
+At the end each effect is left out of the feedforward in turn: that gives its share, see `closing_shares`.  An effect
 without which the error is smaller is dropped from the feedforward (`control.unanswered`); the model keeps it.
 """
 
@@ -37,12 +38,16 @@ from stagectl.gap.steps import in_percent
 from stagectl.number_format import length, percent
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
-from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, shares, smaller
+from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, smaller
+from stagectl.workflows.closing_shares import shares
 from stagectl.workflows.layer_comparison import compare
 from stagectl.workflows.motion import Commanded, lasting, lay_out
 from stagectl.workflows.trials import Machine, Result, Shown, ready
 
 REPEATS = 3  # of each experiment and of each comparison; chosen: the least that shows how much chance varies them
+
+
+FORETOLD = "foretold"  # folder of the runs that are simulated next to the machine's: they take none of its time
 
 
 class Closing(NamedTuple):
@@ -217,6 +222,7 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
         "simulated": closing.machine.simulated,
         "errors": {},
         "shares": {},
+        "share_intervals": {},
         "dropped": [],
         "model": str(rounds[-1].stage if rounds else closing.version(0)),
     }
@@ -231,12 +237,15 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
         errors = _judged(closing, model, "judged-again", shown, effects)
         answer |= {"dropped": dropped, "model": str(model)}
     levels = {name: level(errors, name) for name in next(iter(errors.values()))}
+    gave = shares(errors, effects)
     foretold = _foretold(closing, Path(answer["model"]), shown)
     return {
         **answer,
         "errors": errors,
-        "shares": shares(levels, effects),
+        "shares": {name: one.share for name, one in gave.items()},
+        "share_intervals": {name: one.interval for name, one in gave.items()},
         "levels": levels,
+        "peaks": {name: level(errors, name, "peak") for name in (BEFORE, AFTER)},
         "foretold": foretold,
     }
 
@@ -244,7 +253,7 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
 def _foretold(closing: Closing, model: Path, shown: Shown) -> dict[str, float]:
     """The errors before and after on the same motions, simulated on the last `model`, with the noise of its file."""
     simulated = closing._replace(machine=Machine(closing.machine.setup, True, closing.setup(model)))
-    errors = _judged(simulated, model, "foretold", shown, ())
+    errors = _judged(simulated, model, FORETOLD, shown, ())
     return {name: level(errors, name) for name in (BEFORE, AFTER)}
 
 

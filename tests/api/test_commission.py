@@ -6,10 +6,12 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from stagectl.api import commission as steps
 from stagectl.api.commission import NAMES, Commissioning, commission
 from stagectl.config.stage_file import load_stage
 from stagectl.units import StageError
@@ -120,6 +122,15 @@ def test_machines_of_the_day_differ_from_the_model_and_from_each_other() -> None
     assert len({name for _, hidden in machines for name in hidden.effects}) > 12
     again, _ = drawn(model, 7)
     assert np.array_equal(again.stage.friction.operators.weight, machines[6][0].stage.friction.operators.weight)
+
+
+def test_what_is_only_foretold_takes_no_machine_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = SimpleNamespace(column=lambda _: np.array([0.0, 2.0]))
+    monkeypatch.setattr(steps, "open_recording", lambda *_, **__: recording)
+    for place in ("identify", "close/judged/sine", "close/foretold/sine"):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "run.h5").touch()
+    assert steps.moved(tmp_path) == 4.0
 
 
 def test_a_refused_stage_is_never_put_in_place(stage: Path) -> None:

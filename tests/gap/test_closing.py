@@ -76,9 +76,10 @@ def measured(before: list[float], after: list[float]) -> dict[str, dict[str, Any
 
 
 def variants(before: list[float], after: list[float]) -> dict[str, Any]:
-    """Of one motion: rms errors (m) of its repeats before and after."""
+    """Of one motion: rms errors (m) of its repeats before and after; peaks are three times as large."""
     pairs = (("before", before), ("after", after))
-    return {name: {"rms": {"values": x, "mean": sum(x) / len(x)}} for name, x in pairs}
+    peaks = {"before": [3.0 * x for x in before], "after": [3.0 * x for x in after]}
+    return {name: {"rms": {"values": x, "mean": sum(x) / len(x)}, "peak": {"values": peaks[name]}} for name, x in pairs}
 
 
 def test_an_error_counts_as_smaller_beyond_what_its_repeats_vary_by() -> None:
@@ -98,6 +99,15 @@ def test_motions_that_gain_differently_are_no_chance() -> None:
     assert closing_errors.smaller(errors) and closing_errors.refusal(errors) == ""
     assert "repeats vary" in closing_errors.refusal({**errors, "sine": variants([8e-7, 9e-7], [9e-7, 8e-7])})
     assert "sine" in closing_errors.refusal({**errors, "sine": variants([8e-7, 8e-7], [9e-7, 9e-7])})
+
+
+def test_a_peak_that_grows_in_every_repeat_is_not_kept() -> None:
+    errors = measured([2e-6, 2.1e-6], [1e-6, 1.1e-6])
+    peaks = errors["motion"]["after"]["peak"]
+    peaks["values"] = [9e-6, 5e-6]  # one by chance: the other one is smaller than before
+    assert closing_errors.refusal(errors) == ""
+    peaks["values"] = [9e-6, 9e-6]
+    assert "peak error of motion was 1.4 times" in closing_errors.refusal(errors)
 
 
 @pytest.mark.parametrize(("repeats", "motions"), [(2, 3), (3, 3), (2, 1)])

@@ -32,8 +32,9 @@ class Bench:
         setup = varied(setup, substeps=1)
         setup = setup.having(drive=setup.file.drive._replace(wire=InProcess()))
         self.axis = AxisController("axis", setup)
+        self.said: list[str] = []
         self.orderly = OrderHandler(
-            Service({"axis": self.axis}, ServicePaths(folder / "s", folder), False, lambda _: None)
+            Service({"axis": self.axis}, ServicePaths(folder / "s", folder), False, self.said.append)
         )
         self.loop = Loop(processes.post([self.axis], False), Timeline())
         self.loop.axes[0].happen(Event.CONNECT)
@@ -103,3 +104,11 @@ def test_a_stop_ends_a_motion_that_is_still_being_laid_out(bench: Bench) -> None
         assert isinstance(answer, ServiceError)
         assert "stopped before it began" in str(answer)
     assert bench.axis.status.motions == 0
+
+
+def test_the_service_says_that_the_current_against_an_effect_is_limited(ball_screw: Setup, tmp_path: Path) -> None:
+    p = ball_screw.stage
+    cogging = p.motor.cogging._replace(amplitude=0.7 * p.drive.current_limit * p.motor.force_constant, order=4.0)
+    bench = Bench(ball_screw._replace(stage=p._replace(motor=p.motor._replace(cogging=cogging))), tmp_path)
+    outcome = bench.serve(bench.move("3 mm"))
+    assert any(line.startswith("axis: move: ") and "motor.cogging" in line for line in bench.said), outcome

@@ -47,6 +47,21 @@ def test_it_lays_out_what_is_laid_out_here(planner: Planner, axis: AxisControlle
     assert motion.rows == own.rows and motion._replace(rows=b"", left=AT_ZERO) == own._replace(rows=b"", left=AT_ZERO)
 
 
+def test_it_says_which_effect_demands_more_current_than_it_gets(planner: Planner, axis: AxisController) -> None:
+    """Both of the model's effects count; the larger one is named, with its own current and what to do."""
+    setup, sine = axis.setup, SINE % 1
+    assert planned(planner, axis, sine).limited == ""
+    p = setup.stage
+    cogging = p.motor.cogging._replace(amplitude=0.6 * p.drive.current_limit * p.motor.force_constant, order=4.0)
+    mechanics = p.mechanics._replace(viscous_asymmetry=0.2)
+    strong = setup._replace(stage=p._replace(motor=p.motor._replace(cogging=cogging), mechanics=mechanics))
+    words = planned(planner, AxisController("axis", strong), sine).limited
+    assert f"limited to {0.5 * p.drive.current_limit:.3g} A" in words and "`stagectl gap close" in words
+    assert "motor.cogging demands the most" in words and f"{0.6 * p.drive.current_limit:.2g}" in words
+    weak = strong._replace(stage=p._replace(mechanics=mechanics))
+    assert planned(planner, AxisController("axis", weak), sine).limited == ""
+
+
 async def rehearsed(planner: Planner) -> None:
     """Wait until the process with compiled kernels has loaded them, or has ended."""
     planner.look()

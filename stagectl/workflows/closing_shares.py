@@ -1,0 +1,101 @@
+"""How much of the squared error each effect took: Shapley's value, by which overlapping effects share to 100 %.
+
+Players are the effects in the feedforward, and the rest of the new model: its parameters, and what does not add up.
+The tracking error is linear in the feedforward, so player j changes it by a trace d_j whatever the others do.  With
+the error b before and a after (a + d_j without effect j)::
+
+    share of j ~ <d_j, b + a>        of the rest: d = b - a - sum of d_j        sum of all: <b - a, b + a> = b^2 - a^2
+
+That is the mean of two gains: j alone against none, and all against all without j.
+Products are of different repeats, so that noise does not count as an error.  Each motion counts by its ratio to b^2.
+Source: L. S. Shapley, A value for n-person games, 1953; of a quadratic game each pair shares its product evenly.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special  # not `stats`, which takes a second to import
+
+from stagectl.evaluation import latched_reference
+from stagectl.paired_comparison import CONFIDENCE
+from stagectl.recording.hdf5 import open_recording
+from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors
+
+Array = NDArray[np.float64]
+REST = "rest of the model"  # the player that is no effect
+
+
+class Share(NamedTuple):
+    """Of the squared error that went; negative where the error grew."""
+
+    share: float
+    interval: tuple[float, float] | None  # 95 %, from the repeats; None with fewer than three
+
+
+def shares(errors: Errors, effects: tuple[str, ...]) -> dict[str, Share]:
+    """The share of each effect and of the `REST`, from the recordings of `errors`; they sum to 1.
+
+    Empty where no error went.
+    """
+    return shares_of([{name: _traces(row["recordings"]) for name, row in motion.items()} for motion in errors.values()],
+                     effects)  # fmt: skip
+
+
+def shares_of(motions: list[dict[str, Array]], effects: tuple[str, ...]) -> dict[str, Share]:
+    """The same from error traces (repeats, n) of each variant, a mapping a motion."""
+    products = np.sum([_products(traces, effects) for traces in motions], axis=0)
+    gains = _between_repeats(products)
+    if gains.sum() <= 0.0:
+        return {}
+    value, repeats = gains / gains.sum(), products.shape[1]
+    half = [math.inf] * len(value) if repeats < 3 else _half_width(products).tolist()
+    return {
+        name: Share(share, (share - wide, share + wide) if math.isfinite(wide) else None)
+        for name, share, wide in zip((*effects, REST), value.tolist(), half, strict=True)
+    }
+
+
+def _products(traces: dict[str, Array], effects: tuple[str, ...]) -> Array:
+    """<d_j, b + a> / <b, b> of one motion: player j, repeat of d_j, repeat of b + a."""
+    before, after = traces[BEFORE], traces[AFTER]
+    changes = [traces[f"{WITHOUT}{name}"] - after for name in effects]
+    changes.append(before - after - sum(changes))
+    products: Array = np.stack(changes) @ (before + after).T
+    return products / float(np.mean(np.sum(before**2, axis=1)))
+
+
+def _between_repeats(products: Array) -> Array:
+    """The mean product of each player over all pairs of different repeats; of a single repeat its own."""
+    repeats = products.shape[1]
+    if repeats == 1:
+        return products[:, 0, 0]
+    own = np.trace(products, axis1=1, axis2=2)
+    mean: Array = (products.sum(axis=(1, 2)) - own) / (repeats * (repeats - 1))
+    return mean
+
+
+def _half_width(products: Array) -> Array:
+    """Of the 95 % interval of each share: the jackknife over the repeats."""
+    repeats = products.shape[1]
+    left = [_between_repeats(np.delete(np.delete(products, k, 1), k, 2)) for k in range(repeats)]
+    values = np.array([gains / gains.sum() for gains in left])
+    error = np.sqrt((repeats - 1) ** 2 / repeats * np.var(values, axis=0, ddof=1))
+    half: Array = special.stdtrit(repeats - 1, 0.5 + 0.5 * CONFIDENCE) * error
+    return half
+
+
+def _traces(recordings: list[str]) -> Array:
+    """Tracking errors (repeats, n) over the steady window, in axis units; late periods lie between their neighbours."""
+    rows = []
+    for path in recordings:
+        recording = open_recording(Path(path))
+        samples, meta = recording.samples, recording.meta
+        error = latched_reference(samples, meta) - samples["measured"]
+        first, last = (round(time / meta["dt"]) for time in meta["steady"])
+        rows.append(np.interp(np.arange(first, last), np.rint(samples["time"] / meta["dt"]), error))
+    return np.stack(rows)
