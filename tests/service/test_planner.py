@@ -47,19 +47,19 @@ def test_it_lays_out_what_is_laid_out_here(planner: Planner, axis: AxisControlle
     assert motion.rows == own.rows and motion._replace(rows=b"", left=AT_ZERO) == own._replace(rows=b"", left=AT_ZERO)
 
 
-def test_it_says_which_effect_demands_more_current_than_it_gets(planner: Planner, axis: AxisController) -> None:
+def test_it_says_which_effect_demands_more_current_than_it_gets(axis: AxisController) -> None:
     """Both of the model's effects count; the larger one is named, with its own current and what to do."""
-    setup, sine = axis.setup, SINE % 1
-    assert planned(planner, axis, sine).limited == ""
+    setup, upload = axis.setup, Upload(SINE % 1, {})
+    assert laid_out(axis.task("motion", upload)).limited == ""
     p = setup.stage
     cogging = p.motor.cogging._replace(amplitude=0.6 * p.drive.current_limit * p.motor.force_constant, order=4.0)
     mechanics = p.mechanics._replace(viscous_asymmetry=0.2)
     strong = setup._replace(stage=p._replace(motor=p.motor._replace(cogging=cogging), mechanics=mechanics))
-    words = planned(planner, AxisController("axis", strong), sine).limited
+    words = laid_out(AxisController("axis", strong).task("motion", upload)).limited
     assert f"limited to {0.5 * p.drive.current_limit:.3g} A" in words and "`stagectl gap close" in words
     assert "motor.cogging demands the most" in words and f"{0.6 * p.drive.current_limit:.2g}" in words
     weak = strong._replace(stage=p._replace(mechanics=mechanics))
-    assert planned(planner, AxisController("axis", weak), sine).limited == ""
+    assert laid_out(AxisController("axis", weak).task("motion", upload)).limited == ""
 
 
 async def rehearsed(planner: Planner) -> None:
