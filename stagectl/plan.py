@@ -24,7 +24,7 @@ from stagectl.kernels import friction_path, rollout, stage
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
 from stagectl.kernels.friction_bristle import Bristle
-from stagectl.kernels.jit import table
+from stagectl.kernels.jit import INTERPRETED, table
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import Experiment, Phases, Span, Trajectory, TrajectoryError, peaks, phases
@@ -70,7 +70,7 @@ class Plan(NamedTuple):
     excitation: tuple[Span, ...] = ()  # steady parts of an injected current
     effects: model_effects.Memory | None = None  # of the model's effects at its end; None where it has none
     limited: int = 0  # periods in which the current against them reached its share of the limit
-    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if limited
+    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if known
 
 
 def command_delay(setup: Setup) -> float:
@@ -127,7 +127,8 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     memory = model_effects.begun(p, start.position) if start.effects is None else start.effects
     current, memory = model_effects.along(p, memory, path, dt)
     limited = model_effects.put_into(rows, p, current, start.position)
-    return model_effects.Answer(memory, limited, model_effects.largest(p, path, dt) if limited else ("", 0.0))
+    named = limited and not INTERPRETED  # each effect costs two more inverses: slow without compiled kernels
+    return model_effects.Answer(memory, limited, model_effects.largest(p, path, dt) if named else ("", 0.0))
 
 
 def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:

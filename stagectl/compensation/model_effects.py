@@ -47,7 +47,7 @@ class Answer(NamedTuple):
 
     memory: Memory | None = None  # at the motion's end; None where the model has no effects
     limited: int = 0  # periods in which it reached its share of the limit
-    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if limited
+    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if known
 
 
 def present(p: stage.Stage) -> bool:

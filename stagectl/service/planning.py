@@ -80,8 +80,9 @@ def _limited(task: Task, laid_out: Plan) -> str:
     if not laid_out.limited:
         return ""
     most, (place, current) = EFFECTS_SHARE * task.setup.stage.drive.current_limit, laid_out.largest
+    named = f" {place} demands the most, {current:.3g} A on its own: check its value;" if place else ""
     return (
         f"{task.name}: the current against the model's effects is limited to {most:.3g} A in {laid_out.limited} of "
-        f"{len(laid_out.setpoints)} periods; the feedback takes the rest. {place} demands the most, {current:.3g} A on "
-        f"its own: check its value; `stagectl gap close {task.setup.path}` tells what it is worth"
+        f"{len(laid_out.setpoints)} periods; the feedback takes the rest.{named} "
+        f"`stagectl gap close {task.setup.path}` tells what each effect is worth"
     )
