@@ -37,13 +37,14 @@ def moved(current: Array, plant: tuple[float, ...], position: Array) -> None:
 
 def record(inertia: float, noise: float, rows: int) -> Capture:
     """A current sine of 5 A and 1.6 Hz; `noise` (A rms, held for `rows`) acts on the motor and is not recorded."""
-    axis, time = nominal(), STEP * np.arange(round(SECONDS / STEP))
+    axis, time = nominal(), np.arange(round(SECONDS / STEP), dtype=np.float64)
+    time *= STEP
     injected, position, per_row = 5.0 * np.sin(3.2 * math.pi * time), np.zeros(len(time)), round(ROW / STEP)
     held = rows * per_row
     acting = injected + np.repeat(np.random.default_rng(1).normal(0.0, noise, len(time) // held), held)
     moved(acting, (inertia, axis.viscous, axis.coulomb, axis.force_constant), position)
     step, sine = 2.0 * math.pi / COUNTS, injected[::per_row].copy()
-    seen: Array = np.asarray(step * np.round(position[::per_row] / step), dtype=np.float64)
+    seen = step * np.round(position[::per_row] / step)
     return Capture("disturbed", time[::per_row], seen, sine, ROW, "command", excitation=sine, encoder_step=step)
 
 
