@@ -118,7 +118,8 @@ def test_several_bristles_are_stop_operators(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "joint", "said"),
     [
-        ("<mujoco><worldbody", "", "MuJoCo does not take it"),
+        ("<mujoco><worldbody", "", ":1: it is not complete XML"),
+        ("<mujoco><nonsense/></mujoco>", "", "MuJoCo does not take it"),
         (arm(more='<position name="elbow" joint="elbow" kp="10"/>'), "", "there are: none"),
         (arm(more=DRIVE + DRIVE.replace('"elbow"', '"shoulder"')), "", "there are: shoulder, elbow"),
         (arm(), "wrist", "there are: elbow"),
