@@ -84,9 +84,10 @@ class Guest(H11Protocol):
         return self.transport is None or self.transport.is_closing()
 
     def leave(self) -> None:
-        """End the connection at once."""
+        """End the connection at once, unless it has ended."""
         self._in_time()
-        self.transport.abort()
+        if self.transport.get_protocol() is not None:  # asyncio takes it away when the connection is lost
+            self.transport.abort()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a seat."""
@@ -131,7 +132,7 @@ def leaves(scope: Any) -> None:
     guest: Guest | None = scope.get("state", {}).get("guest")
     if guest is not None:
         guest.live = False
-        guest.loop.call_later(CLOSE_TIME, guest.transport.abort)
+        guest.loop.call_later(CLOSE_TIME, guest.leave)
 
 
 class Live(WebSocketsSansIOProtocol):

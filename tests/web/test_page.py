@@ -55,7 +55,7 @@ class Viewed:
         self.page = self.context.new_page()
         self.page.set_default_timeout(PATIENCE)
         self.wrong: list[str] = []
-        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        self.page.on("pageerror", lambda error: self.wrong.append(f"{error}: {error.stack}"))
         secret = (machine.folder / "state" / key).read_text().strip() if key else ""
         self.page.goto(f"http://127.0.0.1:{PORT}/#{secret}" if secret else f"http://127.0.0.1:{PORT}/")
 
@@ -310,7 +310,7 @@ def test_the_scope_triggers_zooms_and_saves(view: Any, machine: Served, tmp_path
 def test_the_scope_shows_a_spectrum(view: Any, machine: Served) -> None:
     """The highest line of the position lies at the frequency of the motion, as high as its amplitude."""
     machine.ask(
-        "POST", "trajectory", yaml="{type: sine, amplitude: 1 mm, frequency: 4.8828125 Hz, periods: 300}", wait=False
+        "POST", "trajectory", yaml="{type: sine, amplitude: 1 mm, frequency: 4.8828125 Hz, periods: 600}", wait=False
     )
     shown = view()
     page = shown.live()

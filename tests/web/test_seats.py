@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from stagectl.service.limits import BODY, OWNERS, READERS, STRANGERS, STRANGERS_
 from stagectl.web import bodies
 from stagectl.web.access_control import Permission
 from stagectl.web.bodies import Bodies, structure
+from stagectl.web.seats import Guest as Connection
 from stagectl.web.seats import Seats
 
 
@@ -73,6 +75,25 @@ def test_where_all_are_at_work_the_newcomer_is_refused(permission: Permission, m
         assert seats.promote(guest, permission)
     (late,) = admitted(seats, 1)
     assert not seats.promote(late, permission) and not late.gone
+
+
+def test_a_connection_that_has_ended_is_not_ended_again() -> None:
+    """It was closed with data to send, and the client has read them: asyncio's transport is no more then."""
+
+    async def ended() -> None:
+        guest, loop = Connection.__new__(Connection), asyncio.get_running_loop()
+        ours, theirs = socket.socketpair()
+        theirs.setblocking(False)
+        guest._overdue = None
+        guest.transport, _ = await loop.create_connection(asyncio.Protocol, sock=ours)
+        guest.transport.write(bytes(1 << 20))
+        guest.transport.close()
+        with theirs:
+            while await loop.sock_recv(theirs, 1 << 16):
+                pass
+            guest.leave()
+
+    asyncio.run(asyncio.wait_for(ended(), 60.0))
 
 
 def posted(*parts: bytes, path: str = "/v1/move", length: int | None = None, slow: bool = False) -> tuple[int, bytes]:
