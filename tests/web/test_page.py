@@ -332,6 +332,8 @@ def test_the_scope_shows_a_spectrum(view: Any, machine: Served) -> None:
     shown.shot("spectrum")
     page.click("#scope-run")
     assert page.is_hidden("#zoom") and "Hz" in page.inner_text("#readout thead")
+    ranged = "import('/page/views.js').then(({ VIEWS }) => VIEWS.frequency.range(9.963e-10, 9.963e-4))"
+    assert page.evaluate(ranged)[0] == 1e-10  # from just below a decade on uPlot has ticks without end
     machine.ask("POST", "stop")
 
 

@@ -31,7 +31,7 @@ const frequency = {
     return [all[0].frequency, ...all.flatMap(({ amplitude }) => [amplitude, amplitude, amplitude])];
   },
   curves: alone,
-  range: (low, high) => (high > 0 && Number.isFinite(low) && Number.isFinite(high) ? [Math.max(low, high * QUIET, 1e-15), Math.max(high * 2, 1e-14)] : [1e-9, 1]),
+  range: decades,
 };
 
 // Both directions of a motion lie over each other: points, in the order of the position.
@@ -52,6 +52,13 @@ const place = {
   },
   range: calm,
 };
+
+// From a whole decade: uPlot 1.6 adds up ticks without end where a logarithmic axis begins just below one.
+function decades(low, high) {
+  if (!(high > 0) || !Number.isFinite(low) || !Number.isFinite(high)) return [1e-9, 1];
+  const least = Math.max(low, high * QUIET, 1e-15);
+  return [Number(`1e${Math.floor(Math.log10(least))}`), Math.max(high * 2, 1e-14)];
+}
 
 function alone(name, names, scale) {
   const [curve, edge] = curves(name, names, scale);
