@@ -43,15 +43,20 @@ def _panel(axes: Axes) -> dict[str, Any]:
         "logarithmic": axes.get_yscale() == "log",
         "xlim": _ends(axes),  # of the data: those of the axis leave out times without a value
         "ylim": list(axes.get_ylim()),
-        "lines": [_line(line) for line in axes.lines if len(line.get_xdata()) > 2],  # type: ignore[arg-type]
+        "lines": [_line(line) for line in _curves(axes)],
         "spans": [[span.x0, span.x1] for span in spans if (span.y0, span.y1) == (0.0, 1.0)],
         "bands": [[span.y0, span.y1] for span in spans if (span.x0, span.x1) == (0.0, 1.0)],
     }
 
 
+def _curves(axes: Axes) -> list[Line2D]:
+    """The lines of a panel that are curves: those of two points mark a level or a time."""
+    return [line for line in axes.lines if np.size(line.get_xdata()) > 2]
+
+
 def _ends(axes: Axes) -> list[float]:
     """First and last time of the curves."""
-    times = [np.asarray(line.get_xdata(), dtype=np.float64) for line in axes.lines if len(line.get_xdata()) > 2]  # type: ignore[arg-type]
+    times = [np.asarray(line.get_xdata(), dtype=np.float64) for line in _curves(axes)]
     every = np.concatenate(times) if times else np.array(axes.get_xlim())
     return [float(np.nanmin(every)), float(np.nanmax(every))]
 
