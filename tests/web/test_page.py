@@ -26,7 +26,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
 ]
 PORT = free_port()
-PATIENCE = 15_000.0  # ms: the machine is shared
+PATIENCE = 60_000.0  # ms: the machine is shared
 SHOTS = os.environ.get("STAGECTL_SCREENSHOTS")  # a folder, for who wants to look
 
 
@@ -63,7 +63,7 @@ class Viewed:
         self.until("#link", "live")
         return self.page
 
-    def until(self, selector: str, words: str) -> None:
+    def until(self, selector: str, words: str | re.Pattern[str]) -> None:
         playwright.expect(self.page.locator(selector)).to_contain_text(words, timeout=PATIENCE)
 
     def shot(self, name: str) -> None:
@@ -124,11 +124,31 @@ def test_orders_by_keyboard(view: Any, machine: Served) -> None:
     assert page.is_disabled("#move button") and page.is_enabled("#enable")
 
 
-def moved(machine: Served, seconds: float = 0.6) -> float:
-    """How far (m) the axis goes in this time."""
-    before = machine.axis()["reference"]
-    time.sleep(seconds)
-    return float(machine.axis()["reference"] - before)
+def place(machine: Served) -> float:
+    """The reference (m); on a busy computer the loop is sometimes silent, and then none is known."""
+    return float(machine.until(lambda axis: axis["reference"] is not None)["reference"])
+
+
+def rests(machine: Served) -> bool:
+    """Whether the axis stands, and its reference stays where it is."""
+    machine.until(lambda axis: axis["state"] == "standing", 5.0)
+    before = place(machine)
+    time.sleep(0.6)
+    return place(machine) == before and machine.axis()["fault"] == ""
+
+
+def press(machine: Served, down: Callable[[], object], up: Callable[[], object]) -> float:
+    """Hold what jogs until the axis has gone 0.5 mm, and go on holding it; how far (m) it went.
+
+    A sign that a busy computer sends too late ends the press, as it should: press again.
+    """
+    before = place(machine)
+    for _ in range(20):
+        down()
+        if within(3.0, lambda: abs(place(machine) - before) > 0.5e-3):
+            return place(machine) - before
+        up()
+    raise AssertionError(machine.axis())
 
 
 RELEASES: dict[str, Callable[[Any], object]] = {
@@ -150,12 +170,9 @@ def test_a_jog_ends_when(view: Any, machine: Served, how: str) -> None:
     page.fill("#jog-speed", "2 mm/s")
     playwright.expect(page.locator("#jog-forth")).to_be_enabled(timeout=PATIENCE)
     page.hover("#jog-forth")
-    page.mouse.down()
-    shown.until("#state", "moves")
-    assert moved(machine) > 0.5e-3
+    assert press(machine, page.mouse.down, page.mouse.up) > 0.0
     RELEASES[how](shown)
-    machine.until(lambda axis: axis["state"] == "standing", 5.0)
-    assert moved(machine) == 0.0 and machine.axis()["fault"] == ""
+    assert rests(machine)
 
 
 def test_a_jog_by_keyboard(view: Any, machine: Served) -> None:
@@ -165,13 +182,10 @@ def test_a_jog_by_keyboard(view: Any, machine: Served) -> None:
     playwright.expect(page.locator("#jog-back")).to_be_enabled(timeout=PATIENCE)
     page.focus("#jog-back")
     page.keyboard.press("ArrowLeft")
-    assert moved(machine) == 0.0
-    page.keyboard.down(" ")
-    shown.until("#state", "moves")
-    assert moved(machine) < 0.0
+    assert rests(machine)
+    assert press(machine, lambda: page.keyboard.down(" "), lambda: page.keyboard.up(" ")) < 0.0
     page.keyboard.up(" ")
-    machine.until(lambda axis: axis["state"] == "standing", 5.0)
-    assert moved(machine) == 0.0
+    assert rests(machine)
 
 
 def test_a_jog_by_touch(view: Any, machine: Served) -> None:
@@ -184,13 +198,14 @@ def test_a_jog_by_touch(view: Any, machine: Served) -> None:
     assert box["height"] >= 44.0 and box["width"] >= 44.0  # as large as a finger
     touch = shown.context.new_cdp_session(page)
     point = {"x": box["x"] + box["width"] / 2.0, "y": box["y"] + box["height"] / 2.0}
-    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [point]})
-    shown.until("#state", "moves")
-    assert moved(machine, 1.5) > 0.5e-3
+
+    def finger(event: str, *points: dict[str, float]) -> None:
+        touch.send("Input.dispatchTouchEvent", {"type": event, "touchPoints": points})
+
+    assert press(machine, lambda: finger("touchStart", point), lambda: finger("touchEnd")) > 0.0
     shown.shot("jog-390")
-    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    machine.until(lambda axis: axis["state"] == "standing", 5.0)
-    assert moved(machine) == 0.0
+    finger("touchEnd")
+    assert rests(machine)
 
 
 def test_a_jog_that_is_refused_is_told(view: Any, machine: Served) -> None:
@@ -238,19 +253,18 @@ def test_it_is_whole_on_every_screen(view: Any, machine: Served, scheme: str, wi
     shown = view(color_scheme=scheme, viewport={"width": width, "height": 850})
     page = shown.live()
     shown.until("#state", "moves")
-    page.wait_for_timeout(2500)
-    shown.shot(f"{scheme}-{width}")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert page.locator(".plot canvas").count() == 4
-    dark = page.evaluate(
+    amber = (
         "() => {const c = document.querySelector('#strip-error canvas'), d = c.getContext('2d')"
         ".getImageData(0, 0, c.width, c.height).data; let n = 0;"
         "for (let k = 0; k < d.length; k += 4) if (d[k + 3] > 200 && d[k] > 200 && d[k + 2] < 100) n++; return n}"
     )
-    assert dark > 20  # the error's amber, in either theme
-    assert re.search(r"-?\d+\.\d{5} mm", page.inner_text("#position"))
-    assert re.search(r"\d+ of \d+ cycles late", page.inner_text("#late"))
-    assert re.search(r"Bus load \d+ %", page.inner_text("#bus"))
+    assert within(30.0, lambda: page.evaluate(amber) > 20)  # the error's amber, in either theme
+    shown.shot(f"{scheme}-{width}")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator(".plot canvas").count() == 4
+    shown.until("#position", re.compile(r"-?\d+\.\d{5} mm"))
+    shown.until("#late", re.compile(r"\d+ of \d+ cycles late"))
+    shown.until("#bus", re.compile(r"Bus load \d+ %"))
     machine.ask("POST", "stop")
 
 
@@ -344,10 +358,10 @@ def test_the_scope_shows_the_error_over_the_position(view: Any, machine: Served,
     page = shown.live()
     page.fill("#scope-span", "1")
     page.select_option("#scope-view", "place")
-    page.wait_for_timeout(2500)
+    rows = page.locator("#readout tbody tr")
+    playwright.expect(rows).to_have_count(3, timeout=PATIENCE)  # the position is taken with the two that were chosen
+    assert width < 900 or within(30.0, lambda: " mm" in page.inner_text("#readout thead"))
     shown.shot(f"place-{scheme}-{width}")
-    assert " mm" in page.inner_text("#readout thead") or width < 900
-    assert page.locator("#readout tbody tr").count() == 3  # the position is taken with the two that were chosen
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     table = page.locator("#readout").bounding_box()
     assert table["x"] + table["width"] <= width  # the cursors' values are all on the screen
@@ -397,13 +411,12 @@ def test_a_trigger_that_cannot_come_and_an_empty_save_are_told(view: Any) -> Non
 def test_axes_read_well_at_rest(view: Any, machine: Served, scheme: str, width: int) -> None:
     """Far from 0 the ticks count from an offset that is told; nothing is smaller than what the axis can tell."""
     machine.ask("POST", "move", to={"axis": "9.99995 mm"}, speed="20 mm/s")
-    time.sleep(11.0)  # until the move has left the picture
     shown = view(color_scheme=scheme, viewport={"width": width, "height": 850})
     page = shown.live()
-    page.wait_for_timeout(11_000)
+    page.wait_for_timeout(11_000)  # until the move has left the picture
+    shown.until("#strip-position-title", re.compile(r"\[nm\] from 9\.9999\d* mm"))
+    shown.until("#error", re.compile(r"^-?\d+\.\d nm$"))
     shown.shot(f"rest-{scheme}-{width}")
-    assert re.search(r"\[nm\] from 9\.9999\d* mm", page.inner_text("#strip-position-title"))
-    assert re.fullmatch(r"-?\d+\.\d nm", page.inner_text("#error"))
     assert "e-" not in page.inner_text("#scope") and "e-" not in page.inner_text("#now")
 
 
