@@ -1,4 +1,4 @@
-"""Figures over time that a reader zooms: the curves of a matplotlib figure, for the live page's plots.
+"""Figures over time or frequency that a reader zooms: a matplotlib figure's curves, for the live page's plots.
 
 The picture stays in the page for print, and where uPlot is not installed.
 """
@@ -10,63 +10,106 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.text import Annotation
 
 from stagectl.report.figures import embedded
 from stagectl.report.page import Picture
 
+_OVER = ("time [", "frequency [", "bandwidth [")  # what a figure is zoomed over, by the label of its x axis
+
 
 def picture(figure: Figure, caption: str, dpi: int = 170, least: int = 0) -> Picture:
-    """The figure with its curves over time, if it has any; closes it."""
-    panels = [_panel(axes) for axes in figure.axes if _over_time(axes)]
+    """The figure with its curves over time or frequency, if it has any; closes it."""
+    panels = [_panel(axes) for axes in figure.axes if _label(axes).startswith(_OVER)]
     data = json.dumps(panels, allow_nan=False) if panels else ""
     return Picture(embedded(figure, dpi), caption, least, data)
 
 
-def _over_time(axes: Axes) -> bool:
-    """Whether the x axis, or that of a panel below that shares it, is a linear one of time."""
+def _label(axes: Axes) -> str:
+    """Of the x axis, or of that of a panel below that shares it."""
     together = axes.get_shared_x_axes().get_siblings(axes)
-    return axes.get_xscale() == "linear" and any(other.get_xlabel().startswith("time [") for other in together)
+    return next((label for other in together if (label := other.get_xlabel())), "")
 
 
 def _panel(axes: Axes) -> dict[str, Any]:
     """What the page's script draws of one panel; numbers in the units of its labels."""
-    x = next(label for other in axes.get_shared_x_axes().get_siblings(axes) if (label := other.get_xlabel()))
     spans = [part.get_bbox() for part in axes.patches if isinstance(part, Rectangle)]
     return {
-        "x": x,
+        "x": _label(axes),
+        "over_decades": axes.get_xscale() == "log",
         "y": axes.get_ylabel().replace("\n", " "),
         "title": axes.get_title(loc="left"),
         "logarithmic": axes.get_yscale() == "log",
-        "xlim": _ends(axes),  # of the data: those of the axis leave out times without a value
+        "xlim": _ends(axes),  # of the data: those of the axis leave out places without a value
         "ylim": list(axes.get_ylim()),
-        "lines": [_line(line) for line in _curves(axes)],
+        "lines": [_line(line) for line in filter(_curve, axes.lines)],
+        "marks": [*(_level(line, axes) for line in axes.lines if not _curve(line)), *_segments(axes)],
+        "notes": [_note(text) for text in axes.texts if isinstance(text, Annotation)],
         "spans": [[span.x0, span.x1] for span in spans if (span.y0, span.y1) == (0.0, 1.0)],
         "bands": [[span.y0, span.y1] for span in spans if (span.x0, span.x1) == (0.0, 1.0)],
     }
 
 
-def _curves(axes: Axes) -> list[Line2D]:
-    """The lines of a panel that are curves: those of two points mark a level or a time."""
-    return [line for line in axes.lines if np.size(line.get_xdata()) > 2]
+def _curve(line: Line2D) -> bool:
+    """Whether it is a curve: lines of two points mark a level or a place."""
+    return np.size(line.get_xdata()) > 2
+
+
+def _level(line: Line2D, axes: Axes) -> dict[str, Any]:
+    """A line of two points, or a single one; an end at the edge of the panel is None."""
+    way, x, y = line.get_transform(), _numbers(line.get_xdata()), _numbers(line.get_ydata())
+    return {
+        **_named(line),
+        "x": [None, None] if way is axes.get_yaxis_transform(which="grid") else x,
+        "y": [None, None] if way is axes.get_xaxis_transform(which="grid") else y,
+    }
+
+
+def _segments(axes: Axes) -> list[dict[str, Any]]:
+    return [
+        {"label": "", "colour": to_hex(lines.get_colors()[0]), "dashed": False, "x": _numbers(x), "y": _numbers(y)}
+        for lines in axes.collections
+        if isinstance(lines, LineCollection)
+        for x, y in (ends.T for ends in lines.get_segments())
+    ]
+
+
+def _note(text: Annotation) -> dict[str, Any]:
+    """Words beside a place of the data; their offset in points."""
+    x, y = _numbers(text.xy)
+    return {
+        "x": x,
+        "y": y,
+        "offset": list(text.get_position()),
+        "words": text.get_text(),
+        "colour": to_hex(text.get_color()),
+    }
 
 
 def _ends(axes: Axes) -> list[float]:
-    """First and last time of the curves."""
-    times = [np.asarray(line.get_xdata(), dtype=np.float64) for line in _curves(axes)]
-    every = np.concatenate(times) if times else np.array(axes.get_xlim())
+    """First and last x of the curves."""
+    places = [np.asarray(line.get_xdata(), dtype=np.float64) for line in filter(_curve, axes.lines)]
+    every = np.concatenate(places) if places else np.array(axes.get_xlim())
     return [float(np.nanmin(every)), float(np.nanmax(every))]
 
 
-def _line(line: Line2D) -> dict[str, Any]:
+def _named(line: Line2D) -> dict[str, Any]:
     label = str(line.get_label())
     return {
         "label": "" if label.startswith("_") else label,
         "colour": to_hex(line.get_color()),
         "dashed": line.get_linestyle() == "--",
+    }
+
+
+def _line(line: Line2D) -> dict[str, Any]:
+    return {
+        **_named(line),
         "points": line.get_linestyle() == "None",
         "width": line.get_linewidth(),
         "x": _numbers(line.get_xdata()),

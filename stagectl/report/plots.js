@@ -1,11 +1,11 @@
-// Interactive plots over time: drag to zoom, two clicks for the whole; plots of the same time zoom together.
+// Interactive plots over time or frequency: drag to zoom, two clicks for the whole; plots of the same span zoom together.
 // By keyboard: + and - zoom, the arrows move, 0 shows the whole.
 const groups = new Map();
 const near = (a, b) => a.every((value, k) => Math.abs(value - b[k]) < 1e-3 * Math.abs(b[1] - b[0]));
 
 function groupOf(panel) {
   for (const group of groups.values()) if (group.label === panel.x && near(group.xlim, panel.xlim)) return group;
-  const group = { key: `time-${groups.size}`, label: panel.x, xlim: panel.xlim, plots: [] };
+  const group = { key: `span-${groups.size}`, label: panel.x, xlim: panel.xlim, plots: [] };
   groups.set(group.key, group);
   return group;
 }
@@ -34,6 +34,42 @@ function shade(plot, panel) {
   ctx.restore();
 }
 
+// Levels, single places and words beside a place, as the picture has them.
+function mark(plot, panel) {
+  const { ctx, bbox } = plot, scale = devicePixelRatio;
+  const across = (x, side) => (x === null ? bbox.left + side * bbox.width : plot.valToPos(x, "x", true));
+  const up = (y, side) => (y === null ? bbox.top + side * bbox.height : plot.valToPos(y, "y", true));
+  ctx.save();
+  ctx.beginPath(); ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height); ctx.clip();
+  ctx.font = `${12 * scale}px system-ui, sans-serif`;
+  ctx.lineWidth = 1.5 * scale;
+  for (const { x, y, colour, dashed, label } of panel.marks) {
+    ctx.strokeStyle = ctx.fillStyle = colour;
+    ctx.setLineDash(dashed ? [6 * scale, 4 * scale] : []);
+    ctx.beginPath();
+    if (x.length === 1) { ctx.arc(across(x[0], 0), up(y[0], 0), 3.5 * scale, 0, 2 * Math.PI); ctx.fill(); }
+    else { ctx.moveTo(across(x[0], 0), up(y[0], 0)); ctx.lineTo(across(x[1], 1), up(y[1], 1)); ctx.stroke(); }
+    ctx.textAlign = "right";
+    if (label) ctx.fillText(label, across(x[1], 1) - 6 * scale, up(y[1], 1) - 5 * scale);
+  }
+  ctx.textAlign = "left";
+  for (const { x, y, offset, words, colour } of panel.notes) {
+    ctx.fillStyle = colour;
+    ctx.fillText(words, across(x, 0) + offset[0] * 4 / 3 * scale, up(y, 0) - offset[1] * 4 / 3 * scale);
+  }
+  ctx.restore();
+}
+
+// Ticks of a logarithmic axis: its decades, and where there are few of them what lies between.  uPlot's own have no end
+// where the axis begins just below a decade.
+function ticks(_, of, low, high) {
+  const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high));
+  const within = last - first > 4 ? [1] : last - first > 1 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9];
+  const all = Array.from({ length: last - first + 1 }, (_, k) => within.map((digit) => +`${digit}e${first + k}`)).flat();
+  return all.filter((value) => low <= value && value <= high);
+}
+const decades = { splits: ticks, filter: (_, splits) => splits, values: (_, splits) => splits.map((value) => `${value}`) };
+
 // A value under the pointer; at rest the legend names the curves alone.
 const read = (_, value) => (value === null || value === undefined ? "" : `${+value.toPrecision(5)}`);
 
@@ -45,15 +81,19 @@ function build(place, panel) {
   const plot = new uPlot({
     width: place.clientWidth || 600, height: 240, title: panel.title || undefined, pxAlign: 0,
     cursor: { sync: { key: group.key, scales: ["x", null] }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => zoom(group, ...group.xlim) } },
-    scales: { x: { time: false, range: (_, min, max) => [min, max] }, y: { distr: panel.logarithmic ? 3 : 1, range: fit } },
+    scales: { x: { time: false, distr: panel.over_decades ? 3 : 1, range: (_, min, max) => [min, max] }, y: { distr: panel.logarithmic ? 3 : 1, range: fit } },
     legend: { markers: { width: 0, fill: (_, of) => panel.lines[of - 1]?.colour } },
     series: [{ label: panel.x, value: read }, ...panel.lines.map((line) => ({
       label: line.label || [panel.title, panel.y].filter(Boolean).join(" "), value: read, stroke: line.colour, width: line.width, dash: line.dashed ? [6, 4] : undefined,
       points: { show: line.points, size: 4, fill: line.colour }, ...(line.points ? { paths: () => null } : {}),
     }))],
-    axes: [{ ...axis, label: panel.x, size: 26, labelSize: 20 }, { ...axis, label: panel.y, size: 70, labelSize: 22 }],
+    axes: [
+      { ...axis, label: panel.x, size: 26, labelSize: 20, ...(panel.over_decades ? decades : {}) },
+      { ...axis, label: panel.y, size: 70, labelSize: 22, ...(panel.logarithmic ? decades : {}) },
+    ],
     hooks: {
       drawClear: [(shown) => shade(shown, panel)],
+      draw: [(shown) => mark(shown, panel)],
       setSelect: [(shown) => {
         const { left, width } = shown.select;
         if (width < 4) return;
@@ -64,17 +104,18 @@ function build(place, panel) {
   }, aligned(panel.lines), place);
   group.plots.push(plot);
   plot.setScale("x", { min: group.xlim[0], max: group.xlim[1] });
+  const [even, back] = panel.over_decades ? [Math.log10, (power) => 10 ** power] : [Number, Number];  // to a linear axis
   place.tabIndex = 0;
   place.setAttribute("role", "application");
-  place.setAttribute("aria-label", `${panel.title} ${panel.y} over time. Plus and minus zoom, arrows move, 0 shows the whole.`);
+  place.setAttribute("aria-label", `${panel.title} ${panel.y} over ${panel.x}. Plus and minus zoom, arrows move, 0 shows the whole.`);
   place.onkeydown = (event) => {
-    const [min, max] = group.window ?? group.xlim, span = max - min;
-    const to = { "+": [min + span / 4, max - span / 4], "-": [min - span / 2, max + span / 2], 0: group.xlim,
-      ArrowLeft: [min - Math.min(span / 4, min - group.xlim[0]), max - Math.min(span / 4, min - group.xlim[0])],
-      ArrowRight: [min + Math.min(span / 4, group.xlim[1] - max), max + Math.min(span / 4, group.xlim[1] - max)] }[event.key];
+    const [min, max] = (group.window ?? group.xlim).map(even), [first, last] = group.xlim.map(even), span = max - min;
+    const to = { "+": [min + span / 4, max - span / 4], "-": [min - span / 2, max + span / 2], 0: [first, last],
+      ArrowLeft: [min, max].map((end) => end - Math.min(span / 4, min - first)),
+      ArrowRight: [min, max].map((end) => end + Math.min(span / 4, last - max)) }[event.key];
     if (!to || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
-    zoom(group, ...to);
+    zoom(group, ...to.map(back));
   };
   new ResizeObserver(() => place.clientWidth && plot.setSize({ width: place.clientWidth, height: 240 })).observe(place);
 }

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
 from stagectl.recording.metadata import versions
+from stagectl.report import interactive
 from stagectl.report.constants import BODE_RANGE, RESPONSE_POINTS
-from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded, note
-from stagectl.report.page import Page, Picture
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, note
+from stagectl.report.page import Page
 from stagectl.report.tables.tuning import tables
 from stagectl.tuning.families import chosen, judged_loops
 from stagectl.tuning.robustness import Loop, Robustness, robustness, stiffness
@@ -35,7 +36,7 @@ def page(setup: Setup, tuned: Tuned, command: str) -> Page:
         f"stagectl tune: {setup.file.name}",
         headline(setup, tuned),
         [_loop(setup), *notes(tuned)],
-        [Picture(embedded(draw()), _CAPTIONS[name]) for name, draw in drawings(setup, tuned).items()],
+        [interactive.picture(draw(), _CAPTIONS[name]) for name, draw in drawings(setup, tuned).items()],
         tables(setup, tuned),
         [command],
         versions(),

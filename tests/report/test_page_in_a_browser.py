@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ import pytest
 from stagectl.report.page import Page, Picture, Section, Table, write
 from stagectl.report.panels import Frame, Line, picture
 from stagectl.web import assets
+from tests.conftest import CONFIG
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -65,7 +68,7 @@ def test_a_figure_is_enlarged_by_a_click_or_enter(shown: Any) -> None:
 
 @pytest.fixture
 def explored(tmp_path: Path) -> Iterator[Any]:
-    """A page with two figures of the same time, the first with a broken curve, and one over a frequency."""
+    """Two figures of the same time, the first with a broken curve; one over a frequency, and one over a position."""
     if assets.available() is None:
         pytest.skip("uPlot is not installed")
     time = np.linspace(0.0, 10.0, 501)
@@ -75,7 +78,10 @@ def explored(tmp_path: Path) -> Iterator[Any]:
         picture([Line(time, values, "curve")], frame, frame.y)
         for frame, values in zip(frames, (broken, time), strict=True)
     ]
-    figures.append(picture([Line(time[1:], time[1:])], Frame("frequency [Hz]", "gain", logarithmic=True), "gain"))
+    figures.append(
+        picture([Line(time[1:], 9.963e-10 * time[1:])], Frame("frequency [Hz]", "gain", logarithmic=True), "gain")
+    )
+    figures.append(picture([Line(time, time)], Frame("position [mm]", "error [µm]"), "error"))
     page = Page("title", "answer", [], figures, [], [], {}, broad=True)
     with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
@@ -101,7 +107,7 @@ def drawn(shown: Any) -> list[str]:
 def test_plots_of_the_same_time_zoom_together(explored: Any) -> None:
     explored.wait_for_timeout(300)
     whole = drawn(explored)
-    assert len(whole) == 2  # the plot over a frequency stays a picture
+    assert len(whole) == 3  # what is drawn over a position stays a picture
     assert explored.locator("figure img:visible").count() == 1
     box = explored.locator(".u-over").first.bounding_box()
     explored.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 50)
@@ -110,18 +116,58 @@ def test_plots_of_the_same_time_zoom_together(explored: Any) -> None:
     explored.mouse.up()
     explored.wait_for_timeout(200)
     zoomed = drawn(explored)
-    assert all(a != b for a, b in zip(whole, zoomed, strict=True))
+    assert [a != b for a, b in zip(whole, zoomed, strict=True)] == [True, True, False]
     explored.locator(".plots > div").first.focus()
     explored.keyboard.press("0")
     explored.wait_for_timeout(200)
     assert drawn(explored) == whole
     explored.keyboard.press("+")
     explored.wait_for_timeout(200)
-    assert all(a != b for a, b in zip(whole, drawn(explored), strict=True))
+    assert [a != b for a, b in zip(whole, drawn(explored), strict=True)] == [True, True, False]
 
 
 def test_a_print_holds_the_pictures(explored: Any) -> None:
     assert explored.locator("figure img:visible").count() == 1
     explored.emulate_media(media="print")
-    assert explored.locator("figure img:visible").count() == 3
+    assert explored.locator("figure img:visible").count() == 4
     assert explored.locator(".plots:visible").count() == 0
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if assets.available() is None:
+        pytest.skip("uPlot is not installed")
+    path = tmp_path_factory.mktemp("tune") / "tune.html"
+    words = ["-m", "stagectl", "tune", str(CONFIG / "ball-screw.yaml"), "--report", str(path)]
+    subprocess.run([sys.executable, *words], check=True, capture_output=True)
+    return path
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_figures_of_a_tuning_zoom_over_the_frequency(tuned: Path, width: int) -> None:
+    """With the margins beside their places, as in the picture; the Nyquist plot stays a picture."""
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        view = chromium.new_page(viewport={"width": width, "height": 900})
+        wrong: list[str] = []
+        view.on("pageerror", lambda error: wrong.append(str(error)))
+        view.goto(tuned.as_uri())
+        assert view.locator("figure img:visible").count() == 1
+        assert view.evaluate("document.documentElement.scrollWidth") <= width
+        plots = view.evaluate(
+            "[...document.querySelectorAll('[data-plot]')].map((place) => JSON.parse(place.dataset.plot))"
+        )
+        notes = [note["words"] for plot in plots for panel in plot for note in panel["notes"]]
+        assert sum(note.startswith("PM ") for note in notes) == 1 and any(note.startswith("Ms ") for note in notes)
+        if SHOTS:
+            view.screenshot(path=str(Path(SHOTS) / f"tune-{width}.png"), full_page=True)
+        whole = drawn(view)
+        view.locator(".plots > div").first.focus()
+        view.keyboard.press("+")
+        view.wait_for_timeout(200)
+        assert drawn(view) != whole
+        view.keyboard.press("0")
+        view.wait_for_timeout(200)
+        assert drawn(view) == whole
+        chromium.close()
+    assert wrong == []
