@@ -6,7 +6,7 @@ The picture stays in the page for print, and where uPlot is not installed.
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -72,7 +72,13 @@ def _level(line: Line2D, axes: Axes) -> dict[str, Any]:
 
 def _segments(axes: Axes) -> list[dict[str, Any]]:
     return [
-        {"label": "", "colour": to_hex(lines.get_colors()[0]), "dashed": False, "x": _numbers(x), "y": _numbers(y)}
+        {
+            "label": "",
+            "colour": to_hex(cast("Any", lines.get_colors())[0]),
+            "dashed": False,
+            "x": _numbers(x),
+            "y": _numbers(y),
+        }
         for lines in axes.collections
         if isinstance(lines, LineCollection)
         for x, y in (ends.T for ends in lines.get_segments())
