@@ -24,6 +24,15 @@ def absent(path: Path) -> str:
     return f"no such file or folder: {f'did you mean {folder / near[0]}?' if near else f'see `ls {folder}`'}"
 
 
+def why_unread(cause: Exception) -> str:
+    """Why a file could not be read, in plain words: neither an error's number nor the words of a decoder."""
+    if isinstance(cause, UnicodeDecodeError):
+        return f"byte {cause.start} is {cause.object[cause.start]:#04x}, which UTF-8 text does not have there"
+    if (line := getattr(cause, "lineno", None)) is not None:  # of json
+        return f"line {line} is not JSON"
+    return getattr(cause, "strerror", None) or str(cause)
+
+
 class ProblemKind(enum.Enum):
     """What sort of mistake it is."""
 

@@ -252,3 +252,18 @@ def parse(text: str, to: str) -> float:
     if math.isinf(value):
         raise UnitError(Problem("too large for a number", ProblemKind.VALUE))
     return value
+
+
+def pairs(option: str, text: str, form: str, example: str) -> dict[str, str]:
+    """The entries of ``a=1,b=2``, the text of an `option` whose entries are of this `form`, such as ``NAME=VALUE``.
+
+    Raises StageError where an entry is of another form, or written twice.
+    """
+    found: dict[str, str] = {}
+    for entry in text.split(","):
+        name, _, value = (part.strip() for part in entry.partition("="))
+        if not name or not value or name in found:
+            reason = f"{option} {text}: {entry!r} must be {form}, each name once, such as {example}"
+            raise StageError(Problem(reason, ProblemKind.SYNTAX))
+        found[name] = value
+    return found

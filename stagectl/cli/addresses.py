@@ -27,15 +27,16 @@ def foxglove_address(text: str | None) -> tuple[str, int] | None:
     return _address("--foxglove", text, 8765)
 
 
-def unit_port(tcp: str) -> str:
-    """The port of an installed service; empty: none.  Raises StageError for a name: systemd resolves none."""
-    if tcp:
-        host, _ = _address("--tcp", tcp, 8402)
-        try:
-            ipaddress.ip_address("127.0.0.1" if host == "localhost" else host.strip("[]"))
-        except ValueError as error:
-            raise StageError(f"--tcp {tcp}; HOST must be an IP address, such as 0.0.0.0 for all of them") from error
-    return tcp
+def unit_port(tcp: str) -> tuple[str, int] | None:
+    """Host and port of an installed service.  Raises StageError for a name: systemd resolves none."""
+    if not tcp:
+        return None
+    host, port = _address("--tcp", tcp, 8402)
+    try:
+        ipaddress.ip_address("127.0.0.1" if host == "localhost" else host.strip("[]"))
+    except ValueError as error:
+        raise StageError(f"--tcp {tcp}; HOST must be an IP address, such as 0.0.0.0 for all of them") from error
+    return host, port
 
 
 def _address(option: str, text: str, usual: int) -> tuple[str, int]:

@@ -25,9 +25,9 @@ from stagectl.gap.residuals import least_squares, run_products
 from stagectl.gap.residuals.half_strokes import Run, spans
 from stagectl.gap.residuals.run_products import RunProducts
 from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
+from stagectl.number_format import NORMAL as NORMAL
 from stagectl.parallel import in_parallel
 
-NORMAL = 1.96  # standard deviations that 95 % of a normal distribution lie within
 FOLDS = (0, 2)  # numbers of half strokes that stand for a whole fold: `first_fold` sorts them like its members
 
 
