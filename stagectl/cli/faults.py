@@ -111,7 +111,7 @@ def _checked(stage: Path) -> Any:
 
 
 def _show(json: str | None) -> None:
-    from stagectl.report.fault_table import faults
+    from stagectl.report.selftest import faults
 
     rows = list(faults())
     for row in rows if json != "-" else ():

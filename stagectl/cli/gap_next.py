@@ -91,7 +91,7 @@ def _sampled(diagnosis: DiagnosisResult, trajectory: Path, rate: float, path: Pa
     from stagectl.config.trajectory_file import Axis, load_trajectory
     from stagectl.plan import SETTLE
     from stagectl.recording.exports import write_columns
-    from stagectl.trajectories.sampled import sampled
+    from stagectl.trajectories.experiments import sampled
 
     angular = diagnosis.travel_unit == "rad"
     lengths = Lengths(diagnosis.kind, 0.0 if angular else 2.0 * math.pi * diagnosis.travel_per_unit, angular)

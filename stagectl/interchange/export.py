@@ -1,15 +1,49 @@
-"""The simulators that a stage can be exported to."""
+"""The simulators that a stage can be exported to, and what an export gives."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
 from stagectl.extras import require
-from stagectl.interchange.exported import ExportedModel
+from stagectl.interchange.round_trip import Compared
+from stagectl.problem import ProblemKind
+from stagectl.recording.file_lock import DataFileError
 from stagectl.units import StageError
+
+
+class ExportError(DataFileError):
+    """A model that could not be written."""
+
+
+class ExportedModel(NamedTuple):
+    """The files, how far they are from ours there, and what they do not hold."""
+
+    simulator: str  # that ran it: name and version
+    files: tuple[Path, ...]
+    variants: dict[str, list[Compared]]  # the three motions, by what was run; empty where it could not be run
+    lost: list[str]
+    notes: tuple[str, ...] = ()  # what else is to be known
+
+    def worst(self) -> dict[str, tuple[float, float]]:
+        """The largest difference of the three motions, by what was run: of the motion, and of the friction's effect."""
+        return {
+            name: (max(motion.of_motion for motion in each), max(motion.of_friction for motion in each))
+            for name, each in self.variants.items()
+        }
+
+
+def write_texts(files: Mapping[Path, str]) -> None:
+    """Write each file's text.
+
+    Raises ExportError where one cannot be written.
+    """
+    for file, text in files.items():
+        with ExportError.instead_of((OSError,), f"{file} cannot be written", file, ProblemKind.FILE):
+            file.write_text(text, encoding="utf-8")
 
 
 class Simulator(NamedTuple):
@@ -18,7 +52,13 @@ class Simulator(NamedTuple):
     called: str  # what its file is
     suffix: str  # of that file
     extra: str  # of pyproject.toml, without which nothing can be written; empty: none
-    write: Callable[[Setup, Path], ExportedModel]  # the model to this file, run there where it can be
+    place: str  # module and function that write it
+
+    def write(self, setup: Setup, path: Path) -> ExportedModel:
+        """The model to this file, run there where it can be."""
+        module, function = self.place.split(":")
+        exported: ExportedModel = getattr(importlib.import_module(f"{__package__}.{module}"), function)(setup, path)
+        return exported
 
     def file(self, stage: Path, output: Path | None) -> Path:
         """Where the model of a stage file goes, once what it needs is there.
@@ -34,26 +74,8 @@ class Simulator(NamedTuple):
         return path
 
 
-def _mujoco(setup: Setup, path: Path) -> ExportedModel:
-    from stagectl.interchange.mujoco_export import to_mujoco
-
-    return to_mujoco(setup, path)
-
-
-def _fmu(setup: Setup, path: Path) -> ExportedModel:
-    from stagectl.interchange.fmu.export import to_fmu
-
-    return to_fmu(setup, path)
-
-
-def _isaac(setup: Setup, path: Path) -> ExportedModel:
-    from stagectl.interchange.isaac.export import to_isaac
-
-    return to_isaac(setup, path)
-
-
 SIMULATORS = {
-    "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", _mujoco),
-    "fmu": Simulator("an FMU", ".fmu", "fmu", _fmu),
-    "isaac": Simulator("a configuration of Isaac Lab", ".py", "", _isaac),
+    "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", "mujoco_export:to_mujoco"),
+    "fmu": Simulator("an FMU", ".fmu", "fmu", "fmu.archive:to_fmu"),
+    "isaac": Simulator("a configuration of Isaac Lab", ".py", "", "isaac.physx:to_isaac"),
 }
