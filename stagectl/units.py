@@ -201,10 +201,7 @@ def _scales(name: str) -> tuple[tuple[tuple[float, int], ...], Mapping[str, int]
 
 
 def _split(name: str) -> tuple[str, str]:
-    """Prefix and unit; a unit of more than one letter may have a plural s.
-
-    Raises _UnknownUnitError.
-    """
+    """Prefix and unit; a unit of more than one letter may have a plural s.  Raises _UnknownUnitError."""
     for plural in ("", "s"):
         for prefix in ("", *_PREFIXES):
             stem = name.removeprefix(prefix).removesuffix(plural)

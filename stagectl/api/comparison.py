@@ -122,10 +122,7 @@ def compare(
 
 
 def machine_of(stage: StageLike, simulate: bool, plant: StageLike | None) -> Machine:
-    """The machine that all runs take place on.
-
-    Raises ArgumentError for a plant together with a drive.
-    """
+    """The machine that all runs take place on.  Raises ArgumentError for a plant together with a drive."""
     if plant is not None and not simulate:
         raise ArgumentError(
             "plant", plant, " needs simulate: the runs are on a drive, which has its own machine", needs="simulate"

@@ -83,10 +83,7 @@ class TunedGains(ReportedResult):
         return page(self.stage.setup, self.tuned, command)
 
     def apply(self, stage: DesignedStage | None = None) -> DesignedStage:
-        """The stage with these gains, in memory.
-
-        Raises DesignError where the loop would be refused.
-        """
+        """The stage with these gains, in memory.  Raises DesignError where the loop would be refused."""
         target = self.stage if stage is None else stage
         return target.changed(self._changes(families.law_of(target.setup.file.control)))
 

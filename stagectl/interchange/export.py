@@ -37,10 +37,7 @@ class ExportedModel(NamedTuple):
 
 
 def write_texts(files: Mapping[Path, str]) -> None:
-    """Write each file's text.
-
-    Raises ExportError where one cannot be written.
-    """
+    """Write each file's text.  Raises ExportError where one cannot be written."""
     for file, text in files.items():
         with ExportError.instead_of((OSError,), f"{file} cannot be written", file, ProblemKind.FILE):
             file.write_text(text, encoding="utf-8")

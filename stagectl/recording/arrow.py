@@ -8,10 +8,7 @@ from stagectl.extras import require
 
 
 def arrow() -> Any:
-    """The package `pyarrow` with its CSV and Parquet.
-
-    Raises MissingExtraError.
-    """
+    """The package `pyarrow` with its CSV and Parquet.  Raises MissingExtraError."""
     require("tables", "a CSV or Parquet file")
     import pyarrow
     import pyarrow.csv

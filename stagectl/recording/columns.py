@@ -110,10 +110,7 @@ def parsed(name: str) -> tuple[str, str] | None:
 
 
 def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
-    """The kind of the axis by the units of its positions.
-
-    Raises RecordingError where they do not show it.
-    """
+    """The kind of the axis by the units of its positions.  Raises RecordingError where they do not show it."""
     known = [unit for unit in units if unit]
     for unit in known:
         if unit in ("rad", "deg", "rev"):

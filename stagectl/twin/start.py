@@ -57,10 +57,7 @@ def newest(folder: Path) -> Path | None:
 
 
 def load_snapshot(path: Path) -> dict[str, Any]:
-    """The snapshot that the twin wrote last.
-
-    Raises GapError where the file is not a twin's.
-    """
+    """The snapshot that the twin wrote last.  Raises GapError where the file is not a twin's."""
     try:
         entry = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

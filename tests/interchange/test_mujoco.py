@@ -135,7 +135,7 @@ def test_the_command(command: Command, tmp_path: Path) -> None:
 
 
 def test_the_command_offers_every_simulator() -> None:
-    assert {each.value for each in records.SIMULATORS} == set(export.SIMULATORS)
+    assert set(records.SIMULATORS) == set(export.SIMULATORS)
 
 
 @pytest.mark.parametrize(

@@ -95,10 +95,7 @@ def excited_by(experiment: str) -> tuple[str, ...]:
 
 
 def excluded(words: Sequence[str]) -> tuple[str, ...]:
-    """Names from ``--exclude a,b --exclude c``.
-
-    Raises UnknownEffectError.
-    """
+    """Names from ``--exclude a,b --exclude c``.  Raises UnknownEffectError."""
     names = tuple(name.strip() for word in words for name in word.split(",") if name.strip())
     for name in names:
         if name not in EFFECTS:

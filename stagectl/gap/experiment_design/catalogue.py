@@ -11,10 +11,7 @@ from stagectl.trajectories import Dwell
 
 
 def library(setup: Setup) -> tuple[Experiment, ...]:
-    """All of them, made for this stage.
-
-    Raises GapError where the stage has no room or no current to move.
-    """
+    """All of them, made for this stage.  Raises GapError where the stage has no room or no current to move."""
     return made(scale_of(setup), RECIPES)
 
 
