@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stagectl.api.arguments import ArgumentError, PathLike, paths_of
-from stagectl.api.progress import ProgressOption, Say, reported
+from stagectl.api.arguments import ArgumentError, PathLike, ProgressOption, Say, paths_of, reported
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory

@@ -10,8 +10,7 @@ import typer
 
 from stagectl.api.arguments import quantity
 from stagectl.cli.motion import Channel, Json, StageArgument, amperes
-from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, progress, typed, typed_files
+from stagectl.cli.show import console, emit, progress, typed, typed_files, without_compiler
 from stagectl.extras import require
 from stagectl.units import Quantity, StageError
 

@@ -9,8 +9,7 @@ import typer
 
 from stagectl.cli.identification import Columns
 from stagectl.cli.motion import Json
-from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, typed, typed_files
+from stagectl.cli.show import console, emit, single_threaded_algebra, typed, typed_files
 from stagectl.extras import require
 from stagectl.units import pairs
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stagectl.api.progress import terminal
+from stagectl.api.arguments import terminal
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, stream
 from stagectl.number_format import NORMAL, duration

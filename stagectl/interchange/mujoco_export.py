@@ -11,9 +11,8 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange import mujoco_model
-from stagectl.interchange.bristles import GAUSSIAN
-from stagectl.interchange.export import ExportedModel, write_texts
-from stagectl.interchange.losses import lost
+from stagectl.interchange.export import ExportedModel, lost, write_texts
+from stagectl.interchange.mujoco_model import GAUSSIAN
 from stagectl.interchange.round_trip import Array, Simulated, compared
 
 

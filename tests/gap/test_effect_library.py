@@ -23,7 +23,7 @@ from stagectl.gap.effects.library import (
     look_alikes,
 )
 from stagectl.gap.experiment_design import catalogue
-from stagectl.gap.experiment_design.manual_experiments import MANUAL
+from stagectl.gap.experiment_design.catalogue import MANUAL
 from stagectl.gap.result.diagnosis import BLOCKS
 
 OF_BATTERY = {"sine", "stairs", "scan", "micro", "steps", "multisine", "sine-strong"}

@@ -16,10 +16,9 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.export import ExportedModel, ExportError
+from stagectl.interchange.export import ExportedModel, ExportError, lost, random_numbers
 from stagectl.interchange.fmu import description, model_header
 from stagectl.interchange.fmu.variables import variables
-from stagectl.interchange.losses import lost, random_numbers
 from stagectl.interchange.round_trip import Array, Simulated, compared
 from stagectl.problem import ProblemKind
 from stagectl.units import StageError

@@ -20,10 +20,9 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.constants import SOLVER_ITERATIONS
-from stagectl.interchange.export import ExportedModel, write_texts
+from stagectl.interchange.export import ExportedModel, lost, write_texts
 from stagectl.interchange.isaac import configuration
 from stagectl.interchange.isaac.configuration import Configuration, read
-from stagectl.interchange.losses import lost
 from stagectl.interchange.round_trip import Array, Simulated, compared
 
 SIMULATOR = f"Isaac Lab {configuration.VERSION}, by PhysX' rule of joint friction,"
