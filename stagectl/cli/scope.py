@@ -1,7 +1,7 @@
 """Commands that observe a running service: scope, record.
 
-A capture is lines of text: a lane for each channel, with its range and its unit.  A character of a curve has two columns
-and four rows of dots, which show the range of each column.
+A capture is lines of text: a lane for each channel, with its range and its unit.  A character of a curve has two
+columns and four rows of dots, which show the range of each column.
 """
 
 from __future__ import annotations

@@ -78,12 +78,6 @@ def look_alikes(name: str, data: Data) -> tuple[str, ...]:
     return tuple(other for other, where in EFFECTS[name].look_alikes.items() if where & data)
 
 
-def kin(name: str) -> frozenset[str]:
-    """Effects whose error of form resembles that of `name`, itself among them where there are any."""
-    groups = set(EFFECTS[name].kin)
-    return frozenset(effect.name for effect in EFFECTS.values() if groups & set(effect.kin))
-
-
 def generalisations(name: str) -> tuple[str, ...]:
     """Effects that hold `name` as a special case, and so explain all that it does."""
     return EFFECTS[name].generalisations

@@ -124,12 +124,6 @@ def fold_sums(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     return Grams(p.names, square[0], square[1], floor.T, np.zeros(2, np.int64), np.array(FOLDS))
 
 
-def bounded_step(g: Grams, names: Sequence[str], low: Array, high: Array) -> dict[str, float]:
-    """Least squares of the columns `names` on all data, each amplitude within `low` and `high` (k,)."""
-    step = least_squares.bounded(g.both.sum(axis=0), g.places(names), low, high)
-    return dict(zip(names, step.tolist(), strict=True))
-
-
 def tempered(g: Grams, effort: float, current: float) -> Grams:
     """`g` with the cuts counting with these powers of their likelihood."""
     return g._replace(effort=effort * g.effort, current=current * g.current)
