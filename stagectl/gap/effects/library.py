@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.compensation import model_effects
-from stagectl.gap.effects import drive, friction, mechanics, parameters, sensor
+from stagectl.gap.effects import drive, friction, mechanics
 from stagectl.gap.effects.effect import Data, Definition, Effect, Scales, definition
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels.stage import Stage
 
-_PARAMETERS = {
-    name: of for part in (parameters, drive, mechanics, friction, sensor) for name, of in part.PARAMETERS.items()
-}
+_PARAMETERS = {name: of for part in (mechanics, drive, friction) for name, of in part.PARAMETERS.items()}
 
 
 def _effect(name: str, record: dict[str, Any]) -> Effect:
