@@ -63,8 +63,7 @@ class TunedGains(ReportedResult):
         from stagectl.report.tables.tuning import tables
 
         setup = self.stage.setup
-        headline = sheet.headline(setup, self.tuned)
-        return Sheet(setup.file.name, headline, tables(setup, self.tuned), sheet.notes(self.tuned))
+        return Sheet(setup.file.name, sheet.headline(self.tuned), tables(setup, self.tuned), sheet.notes(self.tuned))
 
     def plot(self, what: TuningFigure = "bode") -> Figure:
         """Bode plot, sensitivities, Nyquist plot, step, dynamic stiffness, or what other bandwidths would give.

@@ -192,7 +192,7 @@ class Service:
         """Start again what died; a status request in between is answered, see `axis_status`."""
         self.planner.look()
         if self._loop.ended is None:
-            self._companions.look(self.refused)
+            self._companions.look()
         if self._restarting is not None and self._restarting.done():
             self._restarting.result()
             self._restarting = None
