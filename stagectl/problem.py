@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import enum
+import json
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,9 +28,9 @@ def absent(path: Path) -> str:
 def why_unread(cause: Exception) -> str:
     """Why a file could not be read, in plain words: neither an error's number nor the words of a decoder."""
     if isinstance(cause, UnicodeDecodeError):
-        return f"byte {cause.start} is {cause.object[cause.start]:#04x}, which UTF-8 text does not have there"
-    if (line := getattr(cause, "lineno", None)) is not None:  # of json
-        return f"line {line} is not JSON"
+        return f"byte {cause.start + 1} is not text"
+    if isinstance(cause, json.JSONDecodeError):
+        return f"line {cause.lineno}, column {cause.colno} is not JSON"
     return getattr(cause, "strerror", None) or str(cause)
 
 
