@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from typing import Any
 
 from stagectl.units import StageError
 
@@ -35,3 +36,13 @@ def require(extra: str, purpose: str) -> None:
     for package in EXTRAS[extra]:
         if find_spec(package) is None:
             raise MissingExtraError(package, extra, purpose)
+
+
+def arrow() -> Any:
+    """The package `pyarrow` with its CSV and Parquet.  Raises MissingExtraError."""
+    require("tables", "a CSV or Parquet file")
+    import pyarrow
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    return pyarrow

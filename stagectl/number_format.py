@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 UNKNOWN = "not known"
+NORMAL = 1.96  # standard deviations on either side of a mean that hold 95 % of a normal distribution
 _ROUNDS_UP = 0.9995  # of a prefix's unit, from which three digits round to one
 _SMALL = 1e-12  # below it a number has no prefix
 _MOST_PLACES = 6  # decimal places

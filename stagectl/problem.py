@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import enum
+import json
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +23,15 @@ def absent(path: Path) -> str:
         return f"no such file or folder: there is no folder {folder}"
     near = difflib.get_close_matches(path.name, [entry.name for entry in folder.iterdir()], 1)
     return f"no such file or folder: {f'did you mean {folder / near[0]}?' if near else f'see `ls {folder}`'}"
+
+
+def why_unread(cause: Exception) -> str:
+    """Why a file could not be read, in plain words: neither an error's number nor the words of a decoder."""
+    if isinstance(cause, UnicodeDecodeError):
+        return f"byte {cause.start + 1} is not text"
+    if isinstance(cause, json.JSONDecodeError):
+        return f"line {cause.lineno}, column {cause.colno} is not JSON"
+    return getattr(cause, "strerror", None) or str(cause)
 
 
 class ProblemKind(enum.Enum):

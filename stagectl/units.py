@@ -201,10 +201,7 @@ def _scales(name: str) -> tuple[tuple[tuple[float, int], ...], Mapping[str, int]
 
 
 def _split(name: str) -> tuple[str, str]:
-    """Prefix and unit; a unit of more than one letter may have a plural s.
-
-    Raises _UnknownUnitError.
-    """
+    """Prefix and unit; a unit of more than one letter may have a plural s.  Raises _UnknownUnitError."""
     for plural in ("", "s"):
         for prefix in ("", *_PREFIXES):
             stem = name.removeprefix(prefix).removesuffix(plural)
@@ -252,3 +249,18 @@ def parse(text: str, to: str) -> float:
     if math.isinf(value):
         raise UnitError(Problem("too large for a number", ProblemKind.VALUE))
     return value
+
+
+def pairs(option: str, text: str, form: str, example: str) -> dict[str, str]:
+    """The entries of ``a=1,b=2``, the text of an `option` whose entries are of this `form`, such as ``NAME=VALUE``.
+
+    Raises StageError where an entry is of another form, or written twice.
+    """
+    found: dict[str, str] = {}
+    for entry in text.split(","):
+        name, _, value = (part.strip() for part in entry.partition("="))
+        if not name or not value or name in found:
+            reason = f"{option} {text}: {entry!r} must be {form}, each name once, such as {example}"
+            raise StageError(Problem(reason, ProblemKind.SYNTAX))
+        found[name] = value
+    return found

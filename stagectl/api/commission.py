@@ -19,11 +19,10 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.api.arguments import ArgumentError
+from stagectl.api.arguments import ArgumentError, ProgressOption, Say, reported
 from stagectl.api.comparison import compare, machine_of
 from stagectl.api.gap_closing import close_gap
 from stagectl.api.identification import identify
-from stagectl.api.progress import ProgressOption, Say, reported
 from stagectl.api.result import ReportedResult
 from stagectl.api.stage import DesignedStage, load_stage
 from stagectl.api.tuning import tune

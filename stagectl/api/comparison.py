@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stagectl.api.arguments import ArgumentError, PathLike, paths_of
-from stagectl.api.progress import ProgressOption, Say, reported
+from stagectl.api.arguments import ArgumentError, PathLike, ProgressOption, Say, paths_of, reported
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
@@ -122,10 +121,7 @@ def compare(
 
 
 def machine_of(stage: StageLike, simulate: bool, plant: StageLike | None) -> Machine:
-    """The machine that all runs take place on.
-
-    Raises ArgumentError for a plant together with a drive.
-    """
+    """The machine that all runs take place on.  Raises ArgumentError for a plant together with a drive."""
     if plant is not None and not simulate:
         raise ArgumentError(
             "plant", plant, " needs simulate: the runs are on a drive, which has its own machine", needs="simulate"

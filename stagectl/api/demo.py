@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from stagectl.api.arguments import ProgressOption, Say, reported
 from stagectl.api.motion import run
-from stagectl.api.progress import ProgressOption, Say, reported
 from stagectl.api.record import MotionRecord
 from stagectl.api.stage import DesignedStage, load_stage
 from stagectl.config.wire_checks import OWN

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from stagectl.api.arguments import PathLike, paths_of
-from stagectl.api.progress import ProgressOption, reported
+from stagectl.api.arguments import PathLike, ProgressOption, paths_of, reported
 from stagectl.api.record import named_columns
 from stagectl.api.result import ReportedResult, Sheet, drawn, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage

@@ -7,9 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stagectl.api.arguments import PathLike
+from stagectl.api.arguments import PathLike, ProgressOption, Say, reported
 from stagectl.api.comparison import machine_of
-from stagectl.api.progress import ProgressOption, Say, reported
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import StageLike
 from stagectl.workflows import gap_closing

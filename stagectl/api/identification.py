@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stagectl.api.arguments import PathLike, paths_of, quantity
-from stagectl.api.progress import ProgressOption, reported
+from stagectl.api.arguments import PathLike, ProgressOption, paths_of, quantity, reported
 from stagectl.api.record import MotionRecord, RecordFolder, named_columns
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stagectl.api.arguments import PathLike, switched_off
-from stagectl.api.progress import ProgressOption, Say, reported
+from stagectl.api.arguments import PathLike, ProgressOption, Say, reported, switched_off
 from stagectl.api.record import MotionRecord
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory

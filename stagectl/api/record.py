@@ -66,10 +66,7 @@ class MotionRecord(PrintedResult):
         return {name: known[name].meaning if name in known else "" for name in self.columns}
 
     def __getitem__(self, name: str) -> Array:
-        """One column (n,).
-
-        Raises RecordingError naming the columns there are.
-        """
+        """One column (n,).  Raises RecordingError naming the columns there are."""
         return self.recording.column(name)
 
     def __len__(self) -> int:

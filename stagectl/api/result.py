@@ -77,10 +77,7 @@ class ReportedResult(PrintedResult):
         """The page with all figures; `command` is printed as what makes it again."""
 
     def save(self, path: PathLike) -> Path:
-        """Write JSON (``.json``) or the page (``.html``).
-
-        Raises ArgumentError for another kind of file.
-        """
+        """Write JSON (``.json``) or the page (``.html``).  Raises ArgumentError for another kind of file."""
         target = Path(path)
         if target.suffix not in (".json", ".html"):
             raise ArgumentError("path", target, "; must end in .json or .html")
@@ -95,10 +92,7 @@ class ReportedResult(PrintedResult):
 
 
 def drawn(drawings: Mapping[str, Callable[[], Figure]], what: str) -> Figure:
-    """The figure of this name, which nothing but its caller shows.
-
-    Raises ArgumentError where there is none.
-    """
+    """The figure of this name, which nothing but its caller shows.  Raises ArgumentError where there is none."""
     from stagectl.report.figures import detached
 
     if what not in drawings:

@@ -125,10 +125,7 @@ class DesignedStage(PrintedResult):
         return DesignedStage(setup, (*self.changes, *patch.changes))
 
     def on_channel(self, channel: str | None) -> DesignedStage:
-        """The stage on another channel of its bus.
-
-        Raises DriveError where it is on no CAN bus.
-        """
+        """The stage on another channel of its bus.  Raises DriveError where it is on no CAN bus."""
         from stagectl.workflows.motion import on_channel
 
         return DesignedStage(on_channel(self.setup, channel), self.changes)

@@ -87,7 +87,7 @@ class TrajectorySource(PrintedResult):
 
         Raises ArgumentError where the axis is not known yet, TrajectoryError where the axis is let go.
         """
-        from stagectl.trajectories.sampled import sampled
+        from stagectl.trajectories.experiments import sampled
 
         return dict(sampled(self._experiment(), dt, 0.0)._asdict())
 

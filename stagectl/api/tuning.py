@@ -63,8 +63,7 @@ class TunedGains(ReportedResult):
         from stagectl.report.tables.tuning import tables
 
         setup = self.stage.setup
-        headline = sheet.headline(setup, self.tuned)
-        return Sheet(setup.file.name, headline, tables(setup, self.tuned), sheet.notes(self.tuned))
+        return Sheet(setup.file.name, sheet.headline(self.tuned), tables(setup, self.tuned), sheet.notes(self.tuned))
 
     def plot(self, what: TuningFigure = "bode") -> Figure:
         """Bode plot, sensitivities, Nyquist plot, step, dynamic stiffness, or what other bandwidths would give.
@@ -83,10 +82,7 @@ class TunedGains(ReportedResult):
         return page(self.stage.setup, self.tuned, command)
 
     def apply(self, stage: DesignedStage | None = None) -> DesignedStage:
-        """The stage with these gains, in memory.
-
-        Raises DesignError where the loop would be refused.
-        """
+        """The stage with these gains, in memory.  Raises DesignError where the loop would be refused."""
         target = self.stage if stage is None else stage
         return target.changed(self._changes(families.law_of(target.setup.file.control)))
 

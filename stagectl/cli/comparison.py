@@ -10,8 +10,7 @@ import typer
 
 from stagectl.api.arguments import switched_off
 from stagectl.cli.motion import Channel, Json, Plant, StageArgument, TrajectoryArgument, Without
-from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, write_page
+from stagectl.cli.show import console, emit, without_compiler, write_page
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
 

@@ -9,8 +9,7 @@ import typer
 
 from stagectl.cli import drive_accept
 from stagectl.cli.motion import Channel, Json, StageArgument, amperes
-from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, progress
+from stagectl.cli.show import console, emit, progress, without_compiler
 from stagectl.units import StageError
 
 Anyway = Annotated[

@@ -10,8 +10,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.motion import Channel, Json, StageArgument, amperes
-from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, without_compiler
 from stagectl.extras import require
 from stagectl.units import StageError
 

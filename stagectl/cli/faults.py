@@ -10,8 +10,7 @@ import typer
 
 from stagectl.api.arguments import quantity
 from stagectl.cli.motion import Channel, Json, StageArgument, amperes
-from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, progress, typed, typed_files
+from stagectl.cli.show import console, emit, progress, typed, typed_files, without_compiler
 from stagectl.extras import require
 from stagectl.units import Quantity, StageError
 
@@ -111,7 +110,7 @@ def _checked(stage: Path) -> Any:
 
 
 def _show(json: str | None) -> None:
-    from stagectl.report.fault_table import faults
+    from stagectl.report.selftest import faults
 
     rows = list(faults())
     for row in rows if json != "-" else ():

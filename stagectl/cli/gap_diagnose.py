@@ -9,10 +9,9 @@ import typer
 
 from stagectl.cli.identification import Columns
 from stagectl.cli.motion import Json
-from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, typed, typed_files
+from stagectl.cli.show import console, emit, single_threaded_algebra, typed, typed_files
 from stagectl.extras import require
-from stagectl.units import StageError
+from stagectl.units import pairs
 
 _EXAMPLE = "kind=rotary,force_constant=0.05,inertia=1e-4"
 
@@ -60,10 +59,7 @@ def _values(model: str | None) -> dict[str, float | str] | str | None:
     if model is None or model.partition("#")[0].endswith(".xml"):
         return model
     values: dict[str, float | str] = {}
-    for entry in model.split(","):
-        name, equals, text = (part.strip() for part in entry.partition("="))
-        if not equals or not name or not text:
-            raise StageError(f"--model {model}: {entry!r} must be NAME=VALUE, such as {_EXAMPLE}")
+    for name, text in pairs("--model", model, "NAME=VALUE", _EXAMPLE).items():
         try:
             values[name] = float(text)
         except ValueError:

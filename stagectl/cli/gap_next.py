@@ -44,7 +44,7 @@ def following(
     nothing = ["no experiment is proposed: these data leave nothing that one tells"]
     for line in verdict_text.advice(diagnosis) if proposal else nothing:
         console.print(line)
-    written = _written(diagnosis, proposal, folder, output) if proposal else None
+    written = _written(proposal, folder, output) if proposal else None
     if samples is not None and written is not None:
         _sampled(diagnosis, written, rate, samples)
     asked = output or samples
@@ -55,7 +55,7 @@ def following(
     emit(files, json, not missed)
 
 
-def _written(diagnosis: DiagnosisResult, proposal: NextExperiment, folder: Path, output: Path | None) -> Path | None:
+def _written(proposal: NextExperiment, folder: Path, output: Path | None) -> Path | None:
     """The trajectory file, with the commands that run it; None where it is done by hand.
 
     Raises StageError where another file stands in its place.
@@ -91,7 +91,7 @@ def _sampled(diagnosis: DiagnosisResult, trajectory: Path, rate: float, path: Pa
     from stagectl.config.trajectory_file import Axis, load_trajectory
     from stagectl.plan import SETTLE
     from stagectl.recording.exports import write_columns
-    from stagectl.trajectories.sampled import sampled
+    from stagectl.trajectories.experiments import sampled
 
     angular = diagnosis.travel_unit == "rad"
     lengths = Lengths(diagnosis.kind, 0.0 if angular else 2.0 * math.pi * diagnosis.travel_per_unit, angular)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stagectl.api.progress import terminal
+from stagectl.api.arguments import terminal
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, stream
-from stagectl.number_format import duration
+from stagectl.number_format import NORMAL, duration
 from stagectl.units import Quantity, StageError
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def _table(now: dict[str, Any]) -> Group:
 def _drifts(now: dict[str, Any]) -> Table:
     table = _titled("against the model", "parameter", "now", "95 %", "model", "unit")
     for name, drift in now["drift"].items():
-        value, half, unit = f"{drift['value']:.4g}", f"± {1.96 * drift['error']:.2g}", drift["unit"]
+        value, half, unit = f"{drift['value']:.4g}", f"± {NORMAL * drift['error']:.2g}", drift["unit"]
         if not drift["told"]:
             value, half, unit = "-", "", f"{unit}  not determined by this motion".strip()
         table.add_row(name, value, half, f"{drift['nominal']:.4g}", unit)

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.motion import Json, Report, StageArgument, Write
-from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import deliver, page_path, patch
+from stagectl.cli.show import deliver, page_path, patch, single_threaded_algebra
 
 MethodArgument = Annotated[str, typer.Argument(metavar="METHOD", help="How; any wrong name lists them all.")]
 Captures = Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")]

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.motion import Json
-from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, without_compiler
 
 Stages = Annotated[
     list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
@@ -59,7 +58,7 @@ def install(
 
     Example: sudo stagectl service install /etc/stagectl/stage.yaml
     """
-    from stagectl.cli.addresses import unit_port
+    from stagectl.cli.service import unit_port
     from stagectl.config.stage_file import load_stage
     from stagectl.service import install as systemd
     from stagectl.service.machine import named, together

@@ -11,8 +11,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stagectl.api.arguments import quantity
-from stagectl.cli.process import single_threaded_algebra, without_compiler
-from stagectl.cli.show import console, emit, message_event, stream, summary, tell, typed
+from stagectl.cli.show import (
+    console,
+    emit,
+    message_event,
+    single_threaded_algebra,
+    stream,
+    summary,
+    tell,
+    typed,
+    without_compiler,
+)
 from stagectl.extras import require
 from stagectl.units import Quantity
 

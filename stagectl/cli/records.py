@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -21,12 +20,8 @@ Exported = Annotated[
     list[Path],
     typer.Argument(metavar="RECORDING.h5... | STAGE.yaml", help="Recordings; for a simulator, a stage file."),
 ]
-Format = enum.StrEnum("Format", "csv parquet mat mcap folder trajectory mujoco fmu isaac")
-SIMULATORS = (
-    Format.mujoco,
-    Format.fmu,
-    Format.isaac,
-)  # of `stagectl.interchange`; the others are of `stagectl.recording.exports`
+Format = Literal["csv", "parquet", "mat", "mcap", "folder", "trajectory", "mujoco", "fmu", "isaac"]
+SIMULATORS = ("mujoco", "fmu", "isaac")  # of `stagectl.interchange`; the others are of `stagectl.recording.exports`
 Where = Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Output file or folder.")]
 
 
@@ -94,10 +89,10 @@ def _export_model(stage: Path, to: Format, output: Path | None, json: Json) -> N
     from stagectl.report.interchange import answer, page
     from stagectl.report.page import write
 
-    path = models.SIMULATORS[to.value].file(stage, output)
+    path = models.SIMULATORS[to].file(stage, output)
     setup = load_stage(stage)
     path.parent.mkdir(parents=True, exist_ok=True)
-    exported = models.SIMULATORS[to.value].write(setup, path)
+    exported = models.SIMULATORS[to].write(setup, path)
     for file in exported.files:
         console.print(f"wrote {file}")
     report_file = write(page(setup, exported, typed()), exported.files[0].with_suffix(".html"))
@@ -116,7 +111,7 @@ def _export_recordings(recordings: list[Path], to: Format, output: Path | None, 
     from stagectl.recording import exports
     from stagectl.recording.hdf5 import open_recording
 
-    written = exports.export([open_recording(path) for path in recordings], to.value, output)
+    written = exports.export([open_recording(path) for path in recordings], to, output)
     for path, notes in written:
         for note in notes:
             console.print(note)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from stagectl.api.progress import progress as progress
-from stagectl.api.progress import terminal as terminal
+from stagectl.api.arguments import progress as progress
+from stagectl.api.arguments import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
 
@@ -165,3 +165,13 @@ def summary(result: dict[str, Any]) -> str:
     if not result["in_position"]:
         lines.append("the axis did not settle in position")
     return "\n".join(lines)
+
+
+def without_compiler() -> None:
+    """Interpreted kernels: nothing is simulated here, so no compiler need be in memory."""
+    os.environ["STAGECTL_KERNELS"] = "interpreted"
+
+
+def single_threaded_algebra() -> None:
+    """One thread for each product of matrices: our own threads use all cores, and narrow matrices gain nothing."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -2,28 +2,12 @@
 
 from __future__ import annotations
 
-import enum
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from stagectl.cli.motion import Json, Report, StageArgument, Write
 from stagectl.cli.show import console, deliver, page_path, patch
-
-
-class Law(enum.StrEnum):
-    """What feeds back."""
-
-    PID = "pid"
-    CASCADE = "cascade"
-
-
-class Start(enum.StrEnum):
-    """Where a cascade's ratios come from."""
-
-    RULE = "rule"
-    OWN = "own"
-
 
 Bandwidth = Annotated[
     str | None, typer.Option("--bandwidth", metavar="FREQUENCY", help="Such as 40Hz; else the highest that holds.")
@@ -35,8 +19,10 @@ PeakOption = Annotated[
     str | None,
     typer.Option("--ms", metavar="FACTOR", help="Largest peak of the sensitivity; without --bandwidth it is 2."),
 ]
-LawOption = Annotated[Law | None, typer.Option("--law", help="Else the stage file's.")]
-StartOption = Annotated[Start, typer.Option("--start", help="Ratios of a cascade: by the rule, or the file's own.")]
+LawOption = Annotated[Literal["pid", "cascade"] | None, typer.Option("--law", help="Else the stage file's.")]
+StartOption = Annotated[
+    Literal["rule", "own"], typer.Option("--start", help="Ratios of a cascade: by the rule, or the file's own.")
+]
 
 
 def tune(
@@ -45,7 +31,7 @@ def tune(
     margin: Margin = None,
     ms: PeakOption = None,
     law: LawOption = None,
-    start: StartOption = Start.RULE,
+    start: StartOption = "rule",
     write: Write = None,
     json: Json = None,
     report: Report = None,
@@ -61,8 +47,6 @@ def tune(
     designed = sc.load_stage(stage, judged=False)
     page = page_path(report, f"tune-{designed.path.stem}")
     with console.status("searching the gains over the families of machines"):
-        tuned = sc.tune(
-            designed, bandwidth, margin, peak=ms, law=law.value if law else None, own_ratios=start is Start.OWN
-        )
+        tuned = sc.tune(designed, bandwidth, margin, peak=ms, law=law, own_ratios=start == "own")
     deliver(tuned, page, json)
     patch(stage, write, tuned.write)

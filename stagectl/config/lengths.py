@@ -32,10 +32,7 @@ class Lengths(NamedTuple):
         return 2.0 * math.pi / self.lead
 
     def number(self, text: str, unit: str) -> float:
-        """The value of `text` in `unit`, converted through the lead where that is needed.
-
-        Raises UnitError.
-        """
+        """The value of `text` in `unit`, converted through the lead where that is needed.  Raises UnitError."""
         try:
             return parse(text, unit)
         except UnitError:

@@ -41,19 +41,13 @@ def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | 
 
 
 def composed(path: Path) -> tuple[Path, yaml.Node]:
-    """The file, and the nodes of the stage that `path` names.
-
-    Raises ConfigError.
-    """
+    """The file, and the nodes of the stage that `path` names.  Raises ConfigError."""
     file, axis = split(path)
     return file, load(file, lambda reader, root: chosen(reader, root, axis))
 
 
 def axes_of(path: Path) -> list[Path]:
-    """A reference to each axis of a file; the file itself where it describes one axis only.
-
-    Raises ConfigError.
-    """
+    """A reference to each axis of a file; the file itself where it describes one axis only.  Raises ConfigError."""
     file, axis = split(path)
     if axis:
         return [path]

@@ -15,6 +15,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
 from stagectl.drives.drive import Canopen
+from stagectl.kernels.effects import TURN
 from stagectl.kernels.fields import get
 from stagectl.number_format import duration
 from stagectl.problem import Problem, ProblemKind
@@ -31,6 +32,7 @@ def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     yield from _brake(file)
     yield from _drive(file)
     yield from _transmission(file)
+    yield from _residual(file)
     yield from _friction(file)
     yield from _unanswered(file)
     yield from _compensators(file)
@@ -116,6 +118,15 @@ def _transmission(file: StageFile) -> Iterator[Problem]:
             "backlash between them"
         )
         yield Problem(reason, _CONFLICT, "mechanics.transmission")
+
+
+def _residual(file: StageFile) -> Iterator[Problem]:
+    """A rotary axis repeats after a turn; what a linear one repeats over must be given."""
+    over = "" if file.residual is None else file.residual.coordinate
+    if over == "position_mod_pitch" and file.axis.kind == LINEAR and file.mechanics.pitch == TURN:
+        yield Problem(
+            "needs mechanics.pitch, the travel over which the axis repeats", _CONFLICT, "residual.coordinate", over
+        )
 
 
 def _friction(file: StageFile) -> Iterator[Problem]:

@@ -28,10 +28,7 @@ class Place(NamedTuple):
 
 @functools.lru_cache(maxsize=4)
 def root_of(text: str) -> yaml.Node:
-    """The node tree of a text that has been read before.
-
-    Raises ConfigError where a change has made it unreadable.
-    """
+    """The node tree of a text that has been read before.  Raises ConfigError where a change has made it unreadable."""
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError as error:
@@ -51,10 +48,7 @@ def holds(root: yaml.Node, name: str) -> bool:
 
 
 def place_of(text: str, root: yaml.Node, name: str) -> Place:
-    """The place of the entry `name`.
-
-    Raises ConfigError where a change of it would change something else, too.
-    """
+    """The place of the entry `name`.  Raises ConfigError where a change of it would change something else, too."""
     words = name.split(".")
     parent = node_at(root, ".".join(words[:-1])) if len(words) > 1 else root
     key, value = next(entry for entry in parent.value if entry[0].value == words[-1])

@@ -70,10 +70,7 @@ Feedback = feedback.Gains | cascade.Cascade
 
 
 def designed_feedback(p: stage.Stage, control: Settings) -> Feedback:
-    """The feedback that `control` asks for.
-
-    Raises DesignError where its numbers cannot be realised on this stage.
-    """
+    """The feedback that `control` asks for.  Raises DesignError where its numbers cannot be realised on this stage."""
     return gains(p, control) if isinstance(control, Control) else cascaded(p, control)
 
 

@@ -1,15 +1,46 @@
-"""The simulators that a stage can be exported to."""
+"""The simulators that a stage can be exported to, what an export gives, and what a format cannot hold."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 from stagectl.config.stage_file import Setup
 from stagectl.extras import require
-from stagectl.interchange.exported import ExportedModel
-from stagectl.units import StageError
+from stagectl.interchange.round_trip import Compared
+from stagectl.problem import ProblemKind
+from stagectl.recording.file_lock import DataFileError
+from stagectl.units import StageError, quantity_of
+
+
+class ExportError(DataFileError):
+    """A model that could not be written."""
+
+
+class ExportedModel(NamedTuple):
+    """The files, how far they are from ours there, and what they do not hold."""
+
+    simulator: str  # that ran it: name and version
+    files: tuple[Path, ...]
+    variants: dict[str, list[Compared]]  # the three motions, by what was run; empty where it could not be run
+    lost: list[str]
+    notes: tuple[str, ...] = ()  # what else is to be known
+
+    def worst(self) -> dict[str, tuple[float, float]]:
+        """The largest difference of the three motions, by what was run: of the motion, and of the friction's effect."""
+        return {
+            name: (max(motion.of_motion for motion in each), max(motion.of_friction for motion in each))
+            for name, each in self.variants.items()
+        }
+
+
+def write_texts(files: Mapping[Path, str]) -> None:
+    """Write each file's text.  Raises ExportError where one cannot be written."""
+    for file, text in files.items():
+        with ExportError.instead_of((OSError,), f"{file} cannot be written", file, ProblemKind.FILE):
+            file.write_text(text, encoding="utf-8")
 
 
 class Simulator(NamedTuple):
@@ -18,7 +49,13 @@ class Simulator(NamedTuple):
     called: str  # what its file is
     suffix: str  # of that file
     extra: str  # of pyproject.toml, without which nothing can be written; empty: none
-    write: Callable[[Setup, Path], ExportedModel]  # the model to this file, run there where it can be
+    place: str  # module and function that write it
+
+    def write(self, setup: Setup, path: Path) -> ExportedModel:
+        """The model to this file, run there where it can be."""
+        module, function = self.place.split(":")
+        exported: ExportedModel = getattr(importlib.import_module(f"{__package__}.{module}"), function)(setup, path)
+        return exported
 
     def file(self, stage: Path, output: Path | None) -> Path:
         """Where the model of a stage file goes, once what it needs is there.
@@ -34,26 +71,53 @@ class Simulator(NamedTuple):
         return path
 
 
-def _mujoco(setup: Setup, path: Path) -> ExportedModel:
-    from stagectl.interchange.mujoco_export import to_mujoco
-
-    return to_mujoco(setup, path)
-
-
-def _fmu(setup: Setup, path: Path) -> ExportedModel:
-    from stagectl.interchange.fmu.export import to_fmu
-
-    return to_fmu(setup, path)
-
-
-def _isaac(setup: Setup, path: Path) -> ExportedModel:
-    from stagectl.interchange.isaac.export import to_isaac
-
-    return to_isaac(setup, path)
-
-
 SIMULATORS = {
-    "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", _mujoco),
-    "fmu": Simulator("an FMU", ".fmu", "fmu", _fmu),
-    "isaac": Simulator("a configuration of Isaac Lab", ".py", "", _isaac),
+    "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", "mujoco_export:to_mujoco"),
+    "fmu": Simulator("an FMU", ".fmu", "fmu", "fmu.archive:to_fmu"),
+    "isaac": Simulator("a configuration of Isaac Lab", ".py", "", "isaac.physx:to_isaac"),
 }
+
+
+RESIDUAL = "residual"  # the block of a residual table
+_NEUTRAL = {"current_quantum": 0.0, "current_lag": 0.0, "delay_samples": 0, "step": 0.0}  # of entries without a default
+
+
+def lost(setup: Setup, held: Mapping[str, Set[str]]) -> list[str]:
+    """Entries that are not neutral and not in `held`, by block: value, unit and meaning."""
+    blocks = [block for block in held if block != RESIDUAL]
+    words = [each for block in blocks for each in _lost(setup, block, held[block])]
+    return words if RESIDUAL in held else words + _residual(setup)
+
+
+def random_numbers(setup: Setup) -> list[str]:
+    """Entries whose random numbers are drawn outside of the model."""
+    p = setup.file.simulation
+    drawn = {"drive.jitter": setup.stage.drive.jitter, "simulation.current_noise": p.current_noise}
+    drawn |= {"simulation.encoder_noise": p.encoder_noise}
+    return [f"{name} = {value:.4g}: it draws random numbers" for name, value in drawn.items() if value]
+
+
+def _lost(setup: Setup, block: str, held: Set[str]) -> Iterator[str]:
+    part = getattr(setup.stage, block)
+    hints = get_type_hints(type(part), include_extras=True)
+    for name, value in part._asdict().items():
+        neutral = part._field_defaults.get(name, _NEUTRAL.get(name))
+        if name not in held and value != neutral:
+            yield f"{block}.{name} = {_shown(value)} {_meaning(hints[name], setup.file.axis.kind)}"
+
+
+def _meaning(hint: Any, kind: str) -> str:
+    quantity = quantity_of(hint)
+    return f"{quantity.unit_for(kind)}: {quantity.meaning}".lstrip() if quantity else ""
+
+
+def _shown(value: Any) -> str:
+    if hasattr(value, "_asdict"):
+        return ", ".join(f"{name} {_shown(part)}" for name, part in value._asdict().items())
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _residual(setup: Setup) -> list[str]:
+    if setup.file.residual is None:
+        return []
+    return [f"residual: a table of {len(setup.file.residual.values)} values over {setup.file.residual.coordinate}"]

@@ -7,7 +7,9 @@
         dcmotor without input: one LuGre bristle ---+   as many as the friction needs
         dcmotor without input: cogging -------------+
 
-Stop operators become bristles that only resemble them; `passive_force` beside the model gives them exactly.
+Stop operators become bristles that only resemble them; `passive_force` beside the model gives them exactly.  A relaxed
+bundle resists a move x with ``F(x) = sum w_j min(x/s_j, 1)``; bristles of limits c_i and slips r_i do with ``sum c_i
+(1 - exp(-x/r_i))``.  The c_i >= 0 on a ladder of slips are fitted to F, with the same force at speed.
 
 The control is the current that the law commands, in A; positions are in the axis' own unit (rad | m).
 Source of the elements: MuJoCo's XML reference, `actuator/general` and `actuator/dcmotor`, version 4.0.
@@ -19,13 +21,16 @@ import math
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
+from numpy.typing import NDArray
+
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.bristles import bristles, gaussian
-from stagectl.interchange.constants import LAG_STEPS
+from stagectl.interchange.constants import CURVE_POINTS, CURVE_REACH, LADDER, LADDER_REACH, LAG_STEPS
 from stagectl.kernels import stage
 from stagectl.kernels.effects import TURN, Harmonic
+from stagectl.kernels.friction import StopOperators, Stribeck
 from stagectl.kernels.friction_bristle import Bristle
-from stagectl.kernels.plant import Stage
+from stagectl.kernels.plant import Friction, Stage
 from stagectl.units import LINEAR
 
 AXIS = "axis"  # name of body, joint and actuator
@@ -144,3 +149,42 @@ def _order(p: Stage, wave: Harmonic) -> float:
 def _child(parent: ElementTree.Element, tag: str, /, **entries: object) -> ElementTree.Element:
     words = {key: repr(value) if isinstance(value, float) else str(value) for key, value in entries.items()}
     return ElementTree.SubElement(parent, tag, words)
+
+
+Array = NDArray[np.float64]
+GAUSSIAN = 2.0  # the shape of the Stribeck curve that `lugre` has
+
+
+def bristles(p: Friction) -> list[Bristle]:
+    """The friction as bristles, the stiffest first: fitted to the stop operators, and its own bristle as it is."""
+    own = [p.bristle] if p.bristle.coulomb > 0.0 else []
+    if sum(p.operators.weight) <= 0.0:
+        return own
+    limits, slips = _fitted(p.operators)
+    return [Bristle(c, c / r, stribeck=p.stribeck) for c, r in zip(limits, slips, strict=True) if c > 0.0] + own
+
+
+def gaussian(p: Stribeck) -> Stribeck:
+    """The Stribeck curve of shape 2 that is nearest to `p`, over a few of its speeds."""
+    if p.rise == 0.0 or p.shape == GAUSSIAN:
+        return p
+    speeds = np.linspace(0.0, CURVE_REACH * p.velocity, CURVE_POINTS)
+    wanted = np.exp(-((speeds / p.velocity) ** p.shape))
+    tried = p.velocity * np.geomspace(1.0 / CURVE_REACH, CURVE_REACH, CURVE_POINTS)
+    curves = np.exp(-((speeds / tried[:, None]) ** GAUSSIAN))
+    sizes = curves @ wanted / np.sum(curves * curves, axis=1)
+    best = int(np.argmin(np.sum((sizes[:, None] * curves - wanted) ** 2, axis=1)))
+    return Stribeck(p.rise * float(sizes[best]), float(tried[best]), GAUSSIAN)
+
+
+def _fitted(p: StopOperators) -> tuple[list[float], list[float]]:
+    """Limits (N m | N) and slips (rad | m) of the ladder."""
+    from scipy.optimize import nnls
+
+    weight, slip = np.array(p.weight), np.array(p.slip)
+    x = np.geomspace(slip.min() / 10.0, slip.max() * 10.0, CURVE_POINTS)
+    slips = np.geomspace(slip.min() / LADDER_REACH, slip.max(), LADDER)
+    wanted = np.minimum(x[:, None] / slip, 1.0) @ weight
+    limits, _ = nnls(1.0 - np.exp(-x[:, None] / slips), wanted)
+    limits *= weight.sum() / limits.sum()
+    return limits.tolist(), slips.tolist()

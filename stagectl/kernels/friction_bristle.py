@@ -11,7 +11,7 @@ w obeys ``dw/d|dx| = -(sigma_0 / g) |w|^n sgn(w)``, whose solution is an exponen
 
 With ``u = sigma_0 |z| / g`` the step takes ``|v| (g u^2 + sigma_1 |v| (1 - u))`` next to what the bristle stores: never
 less than nothing while u <= 1, so without a Stribeck rise.  With one u comes to 1 + rise, and fast after slow motion
-gives out energy; `passive_below` tells the speed up to which it cannot.
+gives out energy, above a speed of ``T_c u^2 / ((u - 1) sigma_1)``, the least over u up to 1 + rise.
 
 Source: P. R. Dahl, A solid friction model, Aerospace Corporation TOR-158, 1968; C. Canudas de Wit, H. Olsson,
 K. J. Åström, P. Lischinsky, A new model for control of systems with friction, IEEE Trans. Automatic Control 40(3),
@@ -99,14 +99,3 @@ def settled(p: Bristle, load: float, share: float = 1.0) -> float:
     """Deflection (rad | m) with which the bristle carries `load` (N m | N) at rest, up to `share` of what holds it."""
     holds = share * p.coulomb * friction.stribeck(p.stribeck, 0.0)
     return min(max(load, -holds), holds) / p.stiffness
-
-
-def passive_below(p: Bristle) -> float:
-    """Speed up to which it never gives out energy, ``T_c u^2 / ((u - 1) sigma_1)`` (rad/s | m/s); else inf.
-
-    The least over u up to 1 + rise: with the rise itself, or with 1 where that is larger.
-    """
-    rise = min(p.stribeck.rise, 1.0)
-    if p.damping == 0.0 or rise == 0.0:
-        return math.inf
-    return p.coulomb * (1.0 + rise) * (1.0 + rise) / (rise * p.damping)

@@ -31,9 +31,6 @@ class State(NamedTuple):
     direction: float  # -1, 0 before any motion, or 1
 
 
-AT_REST = State(0.0)
-
-
 @kernel
 def step(p: Static, x: State, v: float, dx: float, dt: float) -> tuple[float, State]:
     """Force after a move of `dx` at velocity `v` during `dt`; the move gives the direction."""

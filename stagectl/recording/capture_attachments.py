@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from stagectl.extras import arrow
 from stagectl.kernels.law import Setpoint
 from stagectl.problem import ProblemKind
-from stagectl.recording.arrow import arrow
 from stagectl.recording.columns import Array
 from stagectl.recording.constants import EARLY
 from stagectl.recording.exports import header

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import Scales
-from stagectl.units import LINEAR, ROTARY, StageError, factor
+from stagectl.units import LINEAR, ROTARY, StageError, factor, pairs
 
 Array = NDArray[np.float64]
 
@@ -84,16 +84,9 @@ def choices(words: Mapping[str, str] | None) -> list[Choice]:
 def split(text: str) -> dict[str, str]:
     """The words of ``--columns``: ``"time=t,position=qm:mm"``.
 
-    Raises RecordingError where an entry is not ``quantity=column``, or is written twice.
+    Raises StageError where an entry is not ``quantity=column``, or is written twice.
     """
-    words: dict[str, str] = {}
-    for entry in text.split(","):
-        quantity, equals, where = (part.strip() for part in entry.partition("="))
-        if not equals or not where or quantity in words:
-            reason = f"--columns {text}: {entry!r} must be QUANTITY=COLUMN, each quantity once, such as {EXAMPLE}"
-            raise RecordingError(reason, kind=ProblemKind.SYNTAX)
-        words[quantity] = where
-    return words
+    return pairs("--columns", text, "QUANTITY=COLUMN", EXAMPLE)
 
 
 def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
@@ -117,10 +110,7 @@ def parsed(name: str) -> tuple[str, str] | None:
 
 
 def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
-    """The kind of the axis by the units of its positions.
-
-    Raises RecordingError where they do not show it.
-    """
+    """The kind of the axis by the units of its positions.  Raises RecordingError where they do not show it."""
     known = [unit for unit in units if unit]
     for unit in known:
         if unit in ("rad", "deg", "rev"):

@@ -39,10 +39,7 @@ class End(NamedTuple):
 
 
 def layout(path: Path) -> Layout:
-    """The layout of the text at `path`.
-
-    Raises RecordingError where it is not text, or empty.
-    """
+    """The layout of the text at `path`.  Raises RecordingError where it is not text, or empty."""
     with _read_as_csv(path), path.open(newline="", encoding="utf-8-sig") as file:
         lines = list(itertools.islice(file, HEADER_LINES))
     if not any(line.strip() for line in lines):

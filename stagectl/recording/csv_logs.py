@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from stagectl.config.stage_file import Setup
+from stagectl.extras import arrow
 from stagectl.problem import ProblemKind
-from stagectl.recording.arrow import arrow
 from stagectl.recording.columns import (
     EXAMPLE,
     POSITIONS,

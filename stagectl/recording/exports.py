@@ -18,10 +18,10 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from stagectl.extras import arrow
 from stagectl.kernels.law import Setpoint
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import mcap_log
-from stagectl.recording.arrow import arrow
 from stagectl.recording.constants import AT_REST, RUN
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.metadata import flat

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.recording.constants import LOCK_PAUSE, LOCK_TRIES
 from stagectl.units import StageError
 
@@ -51,7 +51,7 @@ class DataFileError(StageError):
         try:
             yield
         except causes as cause:
-            raise cls(f"{words}: {getattr(cause, 'strerror', None) or cause}{advice}", file, kind) from cause
+            raise cls(f"{words}: {why_unread(cause)}{advice}", file, kind) from cause
 
 
 class RecordingError(DataFileError):

@@ -58,10 +58,7 @@ class Recording(NamedTuple):
     gaps: tuple[tuple[int, int], ...] = ()  # rows before each, and how many are lost there
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """One column, (n,), SI.
-
-        Raises RecordingError naming the columns there are.
-        """
+        """One column, (n,), SI.  Raises RecordingError naming the columns there are."""
         if name not in (self.samples.dtype.names or ()):
             reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
             raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)

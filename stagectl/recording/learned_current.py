@@ -95,10 +95,7 @@ def _writing(path: Path) -> AbstractContextManager[None]:
 
 
 def load(path: Path) -> Learned:
-    """Read a learned current.
-
-    Raises LearnedError where the file is none.
-    """
+    """Read a learned current.  Raises LearnedError where the file is none."""
     if not path.is_file():
         raise LearnedError(f"{path}: no such file; `stagectl learn` writes one", path, ProblemKind.FILE)
     if not _ours(path):

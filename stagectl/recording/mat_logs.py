@@ -49,10 +49,7 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None = None
 
 
 def variables(path: Path) -> dict[str, Any]:
-    """Variables of the file by name, structs as dictionaries.
-
-    Raises RecordingError where it cannot be read.
-    """
+    """Variables of the file by name, structs as dictionaries.  Raises RecordingError where it cannot be read."""
     try:
         content = loadmat(path, simplify_cells=True)
     except Exception as error:  # scipy raises many kinds on a file that is damaged

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.exported import ExportedModel
+from stagectl.interchange.export import ExportedModel
 from stagectl.interchange.round_trip import Array, Compared
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, embedded

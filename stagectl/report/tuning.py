@@ -34,7 +34,7 @@ def page(setup: Setup, tuned: Tuned, command: str) -> Page:
     """The page of a tuned controller; `command` repeats the tuning."""
     return Page(
         f"stagectl tune: {setup.file.name}",
-        headline(setup, tuned),
+        headline(tuned),
         [_loop(setup), *notes(tuned)],
         [interactive.picture(draw(), _CAPTIONS[name]) for name, draw in drawings(setup, tuned).items()],
         tables(setup, tuned),

@@ -83,7 +83,10 @@ class Child:
 
 
 class Companion(NamedTuple):
-    """A process that reads the ring next to the recorder, compiled; the motion neither waits for it nor needs it."""
+    """A process that reads the ring next to the recorder, compiled; the motion neither waits for it nor needs it.
+
+    It takes its order, says that it is ready, and takes a line with the position that the motion begins at.
+    """
 
     module: str
     order: Callable[[Ring, int], object]  # for the ring, and the pipe that ends when the loop does
@@ -118,17 +121,17 @@ def _interrupts_held() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def running_companion(companion: Companion | None, ring: Ring, alive: int) -> Iterator[list[int]]:
-    """Run the companion, ready before anything moves; yields the list that will hold its exit code."""
+def running_companion(companion: Companion | None, ring: Ring, alive: int) -> Iterator[tuple[Child | None, list[int]]]:
+    """Run the companion, ready before anything moves; yields it, and the list that will hold its exit code."""
     codes: list[int] = []
     if companion is None:
-        yield codes
+        yield None, codes
         return
     child = start(companion.module, (ring.descriptor, alive), "compiled")
     try:
         child.send(companion.order(ring, alive))
         if child.readable(_PATIENCE):
             child.line()
-        yield codes
+        yield child, codes
     finally:
         codes.append(child.wait(_LEAVE))

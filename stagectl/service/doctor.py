@@ -27,7 +27,7 @@ from stagectl.drives.canopen.protection import NOT_OFFERED, outlook
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.service import virtual_drive
-from stagectl.service.retention import DAY, GIB, in_words, kept
+from stagectl.service.recordings import DAY, GIB, in_words, kept
 from stagectl.service.virtual_timeouts import waits_for_sync
 
 _WAKES = 200  # of the wake-up check

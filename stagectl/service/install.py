@@ -36,7 +36,7 @@ class Installation(NamedTuple):
 
     stages: tuple[tuple[str, Path, Setup], ...]  # name, file, set-up
     python: Path
-    tcp: str = ""  # HOST:PORT, empty: none
+    tcp: tuple[str, int] | None = None  # host and port
     coupled: bool = True  # a fault of one axis stops all
 
 
@@ -75,12 +75,13 @@ def _unit(installation: Installation) -> dict[str, str]:
     stages += "" if installation.coupled else " --uncoupled"
     home = any(_under_home(path) for path in (installation.python, *(path for _, path, _ in installation.stages)))
     families = ["AF_UNIX", "AF_NETLINK", *(["AF_CAN"] if wire else [])]  # none for TCP: systemd opens that port
+    listening = "{}:{}".format(*installation.tcp) if installation.tcp else ""
     return {
         "NAME": ", ".join(setup.file.name for _, _, setup in installation.stages),
         "README": str(Path(__file__).parents[2] / "README.md"),
-        "AFTER": _after(wire, installation.tcp),
+        "AFTER": _after(wire, bool(listening)),
         "PYTHON": str(installation.python),
-        "STAGES": stages + (f" --tcp {installation.tcp}" if installation.tcp else ""),
+        "STAGES": stages + (f" --tcp {listening}" if listening else ""),
         "AFFINITY": ""
         if cpu is None
         else f"# The loop pins itself to CPU {cpu}; the rest of the service stays off it.",
@@ -88,22 +89,21 @@ def _unit(installation: Installation) -> dict[str, str]:
         # A user namespace takes the real-time rights away: SCHED_FIFO needs the first one.
         "USERS": "no",
         "FAMILIES": " ".join(families),
-        "ADDRESS": installation.tcp.replace("localhost:", "127.0.0.1:"),
-        "NETWORK": _reachable(installation.tcp),
+        "ADDRESS": listening.replace("localhost:", "127.0.0.1:"),
+        "NETWORK": _reachable(installation.tcp[0] if installation.tcp else ""),
     }
 
 
-def _after(wire: Canopen | None, tcp: str) -> str:
+def _after(wire: Canopen | None, tcp: bool) -> str:
     """What must be there before the service starts."""
     device = f"sys-subsystem-net-devices-{wire.channel}.device" if wire else ""
     lines = [f"BindsTo={device}", f"After={device} systemd-networkd.service"] if wire else ["After=local-fs.target"]
     return "\n".join([*lines, *([f"Requires={SOCKET}", f"After={SOCKET}"] if tcp else [])])
 
 
-def _reachable(tcp: str) -> str:
-    """Whom the service may talk to over IP: nobody, this machine, or anybody, by the address that it listens on."""
-    host = tcp.rpartition(":")[0]
-    return "" if not tcp else "localhost" if host in ("127.0.0.1", "localhost", "[::1]") else "any"
+def _reachable(host: str) -> str:
+    """Whom the service may talk to over IP: nobody, this machine, or anybody, by the `host` that it listens on."""
+    return "" if not host else "localhost" if host in ("127.0.0.1", "localhost", "[::1]") else "any"
 
 
 def _under_home(path: Path) -> bool:

@@ -112,7 +112,7 @@ class Companions:
         """Where Foxglove finds its server; empty where there is none."""
         return self._live.line() if self._live is not None else ""
 
-    def look(self, refused: list[str]) -> None:
+    def look(self) -> None:
         """Hear the black boxes; start again what died while the loop lives."""
         for name, box in self._boxes.items():
             self._hear(name, box)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 import os
 import re
 import stat
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.config.machine_file import text_of
+from stagectl.config.stage_blocks import Retention
 from stagectl.recording.file_lock import being_written, discard, sweep
 from stagectl.recording.hdf5 import RecordingError, repair
 from stagectl.recording.metadata import of_axis
@@ -20,7 +22,6 @@ from stagectl.recording.recorder import ENOUGH, Order
 from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
 from stagectl.service.black_box import UNFINISHED
 from stagectl.service.child_process import Child, start
-from stagectl.service.retention import expired, in_words, kept
 
 LONGEST = 86400.0  # s
 KINDS = ("recordings", "blackbox")
@@ -198,3 +199,43 @@ def _ask_to_end(running: _Running) -> None:
     if not running.asked_to_end:
         with contextlib.suppress(BrokenPipeError):
             os.write(running.pipe, ENOUGH)
+
+
+DAY, GIB = 86400.0, float(1 << 30)  # s, bytes
+
+
+class Kept(NamedTuple):
+    """A file there is."""
+
+    path: Path
+    bytes: int
+    time: float  # s, of its last change
+
+
+def kept(state: Path, axis: str = "*") -> list[Kept]:
+    """Recordings and black boxes of a service, the newest first."""
+    paths = [path for kind in ("recordings", "blackbox") for path in (state / kind).glob(f"{axis}/*.h5")]
+    files = []
+    for path in paths:
+        with contextlib.suppress(FileNotFoundError):  # it has just gone
+            about = path.stat()
+            files.append(Kept(path, about.st_size, about.st_mtime))
+    return sorted(files, key=lambda file: -file.time)
+
+
+def expired(p: Retention, files: Iterable[Kept], now: float) -> list[Path]:
+    """What goes of `files`, which are the newest first, at the time `now` (s); the newest always stays."""
+    gone, size = [], 0
+    for number, file in enumerate(files):
+        size += file.bytes
+        if number and (now - file.time > p.keep_days * DAY or size > p.keep_gib * GIB):
+            gone.append(file.path)
+    return gone
+
+
+def in_words(p: Retention) -> str:
+    """What goes when."""
+    if p == Retention():
+        return "none is ever removed"
+    ends = {f"after {p.keep_days:g} days": p.keep_days, f"beyond {p.keep_gib:g} GiB": p.keep_gib}
+    return "removed " + " or ".join(words for words, limit in ends.items() if limit < math.inf)

@@ -37,10 +37,9 @@ from stagectl.service.confined import rank
 from stagectl.service.limits import LOOP, SERVICE
 from stagectl.service.planner import Planner
 from stagectl.service.recordings import Recordings
-from stagectl.service.single_instance import notify
+from stagectl.service.single_instance import notify, serving
 from stagectl.service.stop_link import Probe
 from stagectl.service.stop_link import ServicePaths as ServicePaths
-from stagectl.service.unix_sockets import serving
 
 LOOK = 0.02  # s between two looks at the processes
 _ANSWER = 2.0  # s in which the loop takes an order; longer only while it configures a drive
@@ -193,7 +192,7 @@ class Service:
         """Start again what died; a status request in between is answered, see `axis_status`."""
         self.planner.look()
         if self._loop.ended is None:
-            self._companions.look(self.refused)
+            self._companions.look()
         if self._restarting is not None and self._restarting.done():
             self._restarting.result()
             self._restarting = None

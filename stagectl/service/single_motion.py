@@ -83,6 +83,7 @@ class _Processes(NamedTuple):
     loop: Child
     recorder: Child
     alive: int  # descriptor of its reading end
+    companion: Child | None
 
 
 class Ended(NamedTuple):
@@ -108,21 +109,23 @@ def move(motion: Motion, progress: Progress) -> Ended:
     alive, held = os.pipe()
     with (
         closed_after(shared.ring.descriptor, shared.board.descriptor, alive),
-        running_companion(motion.companion, shared.ring, alive) as codes,
+        running_companion(motion.companion, shared.ring, alive) as (companion, codes),
         started("recorder", (shared.ring.descriptor, alive)) as recorder,
         started("loop", (shared.ring.descriptor, shared.board.descriptor, held)) as loop,
     ):
         os.close(held)
-        ended = _watch(motion, _Processes(loop, recorder, alive), shared, progress)
+        ended = _watch(motion, _Processes(loop, recorder, alive, companion), shared, progress)
     return ended._replace(companion=codes[0] if codes else None)
 
 
 def _watch(motion: Motion, processes: _Processes, shared: Shared, progress: Progress) -> Ended:
-    loop, recorder, alive = processes
+    loop, recorder, alive, companion = processes
     ring = shared.ring
     loop.send(posted(motion, shared))
     ready = event_of(loop, "ready")
     motion = starting_at(motion, ready["position"])
+    if companion is not None:
+        companion.say(repr(float(ready["position"])))
     meta = {**motion.meta, "drive": ready["drive"], "origin": ready["position"]}
     recorder.send(Order(ring.place, alive, str(motion.recording), meta, rollout.COLUMNS))
     if recorder.line() != "ready":

@@ -13,11 +13,13 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine, CurrentSine, CurrentSweep
 from stagectl.trajectories.limits import check as check_trajectory
 from stagectl.trajectories.limits import check_duration, check_intervals
-from stagectl.trajectories.motion import TrajectoryError
+from stagectl.trajectories.motion import Array, TrajectoryError
 from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell
 from stagectl.trajectories.recorded import Recorded
@@ -109,3 +111,24 @@ def _check_current(current: Current, place: str) -> None:
     if isinstance(current, CurrentMultisine):
         check_trajectory(current.shape, place)
     check_duration(current.duration, place)
+
+
+class Samples(NamedTuple):
+    """One value a row, all (n,)."""
+
+    time: Array  # s
+    position: Array  # m of travel (rad where it is an angle), relative to the axis' position at the start
+    current: Array  # A, to be added to the command
+
+
+def sampled(experiment: Experiment, dt: float, settle: float) -> Samples:
+    """Rows every `dt` (s), an even number of them, with `settle` (s) of standstill at the end.
+
+    Raises TrajectoryError where the axis is let go: rows of a reference cannot say so.
+    """
+    if isinstance(experiment, Released):
+        raise TrajectoryError("a release switches the current off, which rows of a reference cannot express: use `run`")
+    parts = phases(experiment)
+    t: Array = dt * np.arange(2 * math.ceil((parts.duration + settle) / (2.0 * dt)), dtype=np.float64)
+    current = np.zeros(len(t)) if parts.current is None else np.asarray(parts.current.at(t - parts.start))
+    return Samples(t, parts.motion.at(t).position, current)

@@ -74,10 +74,7 @@ def check(trajectory: Trajectory, place: str = "") -> None:
 
 
 def check_intervals(trajectory: Any, place: str) -> None:
-    """Every number of a block against the interval of its field.
-
-    Raises TrajectoryError.
-    """
+    """Every number of a block against the interval of its field.  Raises TrajectoryError."""
     for name, hint in get_type_hints(type(trajectory), include_extras=True).items():
         quantity, values = quantity_of(hint), getattr(trajectory, name)
         if quantity is None:
@@ -91,10 +88,7 @@ def check_intervals(trajectory: Any, place: str) -> None:
 
 
 def check_duration(duration: float, place: str) -> None:
-    """Refuse a duration (s) that would fill the memory.
-
-    Raises TrajectoryError.
-    """
+    """Refuse a duration (s) that would fill the memory.  Raises TrajectoryError."""
     if not duration <= LONGEST:
         value, interval = f"{duration:g} s", f"[0, {LONGEST:g}]"
         problem = Problem("", ProblemKind.RANGE, below(place, "duration"), value, "s", interval)

@@ -101,7 +101,7 @@ def step(setup: Setup, tuned: Tuned, periods: float) -> NDArray[np.float64]:
     return stepped(following(setup.stage, *design.loop_parts(setup.stage, tuned.control)), length)
 
 
-def headline(setup: Setup, tuned: Tuned) -> str:
+def headline(tuned: Tuned) -> str:
     """The design and its margins, in a sentence or two."""
     whole = next(iter(tuned.reached.values()))
     law = NAMES[law_of(tuned.control)]
@@ -226,7 +226,7 @@ def result(setup: Setup, tuned: Tuned) -> dict[str, Any]:
         },
         "asked": {"margin": _value(tuned.demand.margin, "rad"), "sensitivity_peak": _value(tuned.demand.peak, "")},
         "binding": list(tuned.binding),
-        "answer": headline(setup, tuned),
+        "answer": headline(tuned),
         "notes": notes(tuned),
     }
 

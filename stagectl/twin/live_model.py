@@ -43,6 +43,7 @@ class Twin(NamedTuple):
     models: tuple[stage.Stage, ...]
     length: float  # rad | m of motion after which the friction slips
     substeps: int = thresholds.SUBSTEPS
+    origin: float = 0.0  # rad | m, added to the rows' positions: those of a run count from its start, cogging does not
 
 
 class TwinState(NamedTuple):
@@ -95,7 +96,7 @@ def twin_of(running: law.Law, p: stage.Stage, dt: float) -> Twin:
 
 
 def begin(p: Twin, position: float, controller: law.State | None) -> TwinState:
-    """All models at rest where the encoder reads `position` (rad | m)."""
+    """All models at rest where the encoder reads `position` (rad | m), as the drive counts."""
     states = [tracked_model.State(stage.at_reading(model, position), feedback.AT_REST) for model in p.models]
     return TwinState(controller, tuple(states), np.full(thresholds.SPEED_PERIODS, position), 0.0, float("nan"), 0, 0.0)
 
@@ -106,10 +107,11 @@ def step(p: Twin, x: TwinState | None, rows: Array) -> tuple[TwinBlock, TwinStat
     Where periods are missing the models begin anew, and the controller's memory is not known any more.
     """
     if x is None:
-        x = begin(p, float(rows[0, _AT["measured"]]), law.AT_REST)
+        x = begin(p, float(rows[0, _AT["measured"]]) + p.origin, law.AT_REST)
     elif rows[0, 0] - x.time > thresholds.MISSING * p.dt:
-        x = begin(p, float(rows[0, _AT["measured"]]), None)
+        x = begin(p, float(rows[0, _AT["measured"]]) + p.origin, None)
     path = np.ascontiguousarray(rows[:, _PATH])
+    path[:, 1] += p.origin
     controller, memory = _command_difference(p, x.law, rows)
     corrections, currents, states = _tracked(p, x, path)
     travelled = float(np.sum(np.abs(np.diff(path[:, 1], prepend=x.before[-1]))))

@@ -1,14 +1,16 @@
 """The twin's process: reads the loop's ring next to the recorder, compiled, and costs the loop nothing.
 
-Run as ``python -m stagectl.twin.process``, with one pickled `TwinOrder` on standard input.  Every second it replaces a
-small file with what it sees now, every minute it adds a line to the slow record; both are JSON.  It only reads the
-ring: no lock, no pipe, no call of the loop's depends on it, and it may be killed at any time.
+Run as ``python -m stagectl.twin.process``, with one pickled `TwinOrder` on standard input and, once it is ready, a line
+with the position that the run begins at.  Every second it replaces a small file with what it sees now, every minute it
+adds a line to the slow record; both are JSON.  It only reads the ring: no lock, no pipe, no call of the loop's depends
+on it, and it may be killed at any time.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import signal
 import sys
@@ -54,6 +56,12 @@ class RingFollower:
         self.live: deque[TwinBlock] = deque(maxlen=round(WINDOW / BLOCK))
         self.minute: list[TwinBlock] = []
         self.done, self.skipped, self.lag = 0, 0, 0
+
+    def stands_at(self, line: bytes) -> None:
+        """Where the run begins, as the drive counts (rad | m): a line of the run's; empty or NaN: not known."""
+        origin = float(line or "nan")
+        if math.isfinite(origin):
+            self.twin = self.twin._replace(origin=origin)
 
     def catch_up(self, over: bool) -> None:
         """Take all whole blocks in the ring; the last, incomplete one too where the run is `over`."""
@@ -121,6 +129,7 @@ def watch(order: TwinOrder) -> None:
     _warmed(order, ring)
     follower = RingFollower(order, ring)
     print("ready", flush=True)
+    follower.stands_at(sys.stdin.buffer.readline())
     start, shown = time.thread_time(), time.monotonic()
     while True:
         over = ring.closed or word_of(order.alive, POLL_PERIOD) == b""

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.gap.logs.session import GapError
+from stagectl.number_format import NORMAL
+from stagectl.problem import why_unread
 from stagectl.twin.candidates import FORM as FRICTION_FORM
 from stagectl.twin.estimate import NamedDrift, ParameterDrift, TwinStatus
 from stagectl.units import Quantity
@@ -129,7 +131,7 @@ def form(p: TwinStatus) -> str:
 
 def effect_words(named: NamedDrift) -> str:
     """``viscous +20.0 % +- 0.2 % (or thermal_viscous)``."""
-    drift, p, half = named.drift, named.drift.candidate, 1.96 * named.drift.error
+    drift, p, half = named.drift, named.drift.candidate, NORMAL * named.drift.error
     other = f" (or {', '.join(named.alternatives)})" if named.alternatives else ""
     if p.gauge == "%":
         return f"{p.name} {100 * drift.size:+.3g} % ± {100 * half:.2g} %{other}"
@@ -155,7 +157,9 @@ def read(path: Path) -> list[dict[str, Any]]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise GapError(f"{path} cannot be read: {error}; give the file that `run --twin --state` wrote") from error
+        raise GapError(
+            f"{path} cannot be read: {why_unread(error)}; give the file that `run --twin --state` wrote"
+        ) from error
     lines = text.split("\n")
     entries = []
     for number, line in enumerate(lines, 1):

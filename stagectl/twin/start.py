@@ -10,6 +10,7 @@ from typing import Any
 from stagectl.config.stage_file import Setup
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels import law
+from stagectl.problem import why_unread
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Companion
@@ -18,6 +19,7 @@ from stagectl.twin.record import FORMAT
 from stagectl.twin.thresholds import SAME_COMMAND
 
 SUFFIX = ".twin.json"
+_SOURCE = "a run with --twin writes one next to its recording"
 
 
 def companion(setup: Setup, running: law.Law, recording: Path, record: Path | None = None) -> Companion:
@@ -55,16 +57,11 @@ def newest(folder: Path) -> Path | None:
 
 
 def load_snapshot(path: Path) -> dict[str, Any]:
-    """The snapshot that the twin wrote last.
-
-    Raises GapError where the file is not a twin's.
-    """
+    """The snapshot that the twin wrote last.  Raises GapError where the file is not a twin's."""
     try:
         entry = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise GapError(f"{path} cannot be read: {error}; a run with --twin writes one next to its recording") from error
+        raise GapError(f"{path} cannot be read: {why_unread(error)}; {_SOURCE}") from error
     if not isinstance(entry, dict) or entry.get("format") != FORMAT:
-        raise GapError(
-            f"{path} is no snapshot of a twin ({FORMAT}); a run with --twin writes one next to its recording"
-        )
+        raise GapError(f"{path} is no snapshot of a twin ({FORMAT}); {_SOURCE}")
     return entry

@@ -42,7 +42,7 @@ def trigger(text: str) -> dict[str, str]:
 
 
 def captures(path: Path, request: dict[str, Any]) -> Iterator[tuple[dict[str, Any], ReceivedCapture]]:
-    """The machine's description and each capture, without an end; `request` as in `viewer_request.ScopeRequest`.
+    """The machine's description and each capture, without an end; `request` as in `viewer.ScopeRequest`.
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
     """

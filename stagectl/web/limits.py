@@ -12,7 +12,7 @@ STOPPED = 25.0  # s until all axes stand
 STOP_LOOK = 0.01  # s between two looks at axes that are being stopped
 CONNECTION_TIME = 10.0  # s until the live connection of a program is open
 
-# Requests (`http`, `routes`, `viewer_request`).  Longer texts are refused before they are parsed.
+# Requests (`http`, `routes`, `viewer`).  Longer texts are refused before they are parsed.
 AXIS_NAME, CHANNEL_NAME, PATH_PART = 64, 64, 100  # characters
 QUANTITY, LEVEL, FILE_NAME = 80, 40, 80  # characters: a value with its unit, a trigger's level, a recording's name
 AXES, TABLES, GAINS = 16, 16, 32  # entries of one request

@@ -20,8 +20,7 @@ from stagectl.service import shutdown_signals
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import BACKLOG, DESCRIPTORS, IDLE_TIME
 from stagectl.service.service import Service
-from stagectl.service.single_instance import handed_over, notify
-from stagectl.service.unix_sockets import serving
+from stagectl.service.single_instance import handed_over, notify, serving
 from stagectl.web import assets
 from stagectl.web.access_control import Check, Keys, at_home, by_key, guarded, same_site, secret
 from stagectl.web.bodies import Bodies

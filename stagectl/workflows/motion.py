@@ -36,10 +36,7 @@ Say = Callable[[str], object]
 
 
 def canopen(setup: Setup) -> Canopen:
-    """The CANopen wire of the stage.
-
-    Raises DriveError where the stage has none.
-    """
+    """The CANopen wire of the stage.  Raises DriveError where the stage has none."""
     wire = setup.file.drive.wire
     if not isinstance(wire, Canopen):
         raise DriveError(f"drive.wire.kind of {setup.path} is not canopen: there is no bus to be on")

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from stagectl.cli.curves import bounds_of, curve
+from stagectl.cli.scope import bounds_of, curve
 
 
 def test_a_ramp_by_hand() -> None:

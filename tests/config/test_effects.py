@@ -236,3 +236,20 @@ def test_what_cannot_be_is_refused(tmp_path: Path, line: str, more: str, fields:
 def test_a_residual_over_nothing_known_is_refused(tmp_path: Path) -> None:
     with refused(ConfigError, kind=ProblemKind.VALUE, key="residual.coordinate", value="torque"):
         load_stage(written(tmp_path, {}, RESIDUAL.replace("displacement_since_reversal", "torque")))
+
+
+def test_a_linear_axis_repeats_only_over_a_pitch_that_is_given(tmp_path: Path) -> None:
+    """A rotary one repeats after a turn."""
+    table = RESIDUAL.replace("displacement_since_reversal", "position_mod_pitch")
+    assert load_stage(written(tmp_path, {}, table)).stage.residual.coordinate == effects.COORDINATES.index(
+        "position_mod_pitch"
+    )
+    text = (CONFIG / "linear-slider.yaml").read_text() + table.replace("N m", "N").replace("mN", "N")
+    drives = tmp_path / "drives"
+    drives.symlink_to(CONFIG / "drives")
+    path = tmp_path / "slider.yaml"
+    path.write_text(text)
+    with refused(ConfigError, kind=ProblemKind.CONFLICT, key="residual.coordinate", value="position_mod_pitch"):
+        load_stage(path)
+    path.write_text(text.replace("inertia: 6 kg", "inertia: 6 kg\n  pitch: 24 mm"))
+    assert load_stage(path).stage.mechanics.pitch == pytest.approx(0.024)

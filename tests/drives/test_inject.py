@@ -14,7 +14,7 @@ from stagectl.config.fault_words import read_fault
 from stagectl.config.stage_file import load_stage
 from stagectl.drives.faults import BLOCKS, TABLE, OnOffFault, PositionJump
 from stagectl.drives.virtual.inject import InjectError, InjectionSocket, ask, obey, socket_path
-from stagectl.report.fault_table import lines
+from stagectl.report.selftest import lines
 from stagectl.runtime_folder import short_name
 from stagectl.units import StageError
 from tests.conftest import CONFIG, ROOT, Command

@@ -17,13 +17,11 @@ from stagectl.gap.effects.library import (
     coordinate_label,
     definitions,
     excluded,
-    generalisations,
-    kin,
     label,
     look_alikes,
 )
 from stagectl.gap.experiment_design import catalogue
-from stagectl.gap.experiment_design.manual_experiments import MANUAL
+from stagectl.gap.experiment_design.catalogue import MANUAL
 from stagectl.gap.result.diagnosis import BLOCKS
 
 OF_BATTERY = {"sine", "stairs", "scan", "micro", "steps", "multisine", "sine-strong"}
@@ -46,12 +44,6 @@ def test_effects_look_alike_both_ways() -> None:
     assert look_alikes("force_constant", Data.ALL) == ("current_gain",)
     assert look_alikes("bias", Data.ALL) == ()
     assert look_alikes("bias", Data.WITHOUT_CURRENT | Data.ONE_SPEED) == ("current_offset", "coulomb_asymmetry")
-
-
-def test_kin_hold_the_effect_itself() -> None:
-    assert kin("dead_time") == {"dead_time", "current_loop"} and kin("inertia") == frozenset()
-    assert kin("cable_hysteresis") >= {"cable_spring", "backlash"}
-    assert generalisations("stribeck") == ("friction_lag",) == tuple(n for n in EFFECTS if EFFECTS[n].extends)
 
 
 def test_an_effect_that_is_searched_is_no_parameter_of_the_model() -> None:

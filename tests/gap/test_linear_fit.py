@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.gap.residuals.gram_matrices import Grams, bounded_step, mean_square_error
+from stagectl.gap.residuals.gram_matrices import Grams, mean_square_error
 
 CLUSTERS, ROWS = 200, 10
 
@@ -31,13 +31,6 @@ def _fitted(g: Grams) -> Grams:
 def _error(g: Grams, precision: np.ndarray, mean: float = 0.0) -> float:
     """Of the first amplitude."""
     return float(np.sqrt(mean_square_error(g, ["a", "b"], np.array([mean, 0.0]), precision)[0, 0]))
-
-
-def test_a_step_stays_within_its_bounds() -> None:
-    free = bounded_step(_grams(0.0), ["b", "a"], np.full(2, -np.inf), np.full(2, np.inf))
-    assert free == pytest.approx({"a": 2.0, "b": -1.0}, abs=0.1)
-    held = bounded_step(_grams(0.0), ["a", "b"], np.array([-np.inf, -0.5]), np.array([1.5, np.inf]))
-    assert held == pytest.approx({"a": 1.5, "b": -0.5})
 
 
 def test_white_noise_gives_the_textbook_covariance() -> None:

@@ -17,9 +17,9 @@ import pytest
 
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.interchange.exported import ExportError
-from stagectl.interchange.fmu import archive, description, run
-from stagectl.interchange.fmu.export import to_fmu
+from stagectl.interchange.export import ExportError
+from stagectl.interchange.fmu import archive, description
+from stagectl.interchange.fmu.archive import to_fmu
 from stagectl.interchange.fmu.variables import variables
 from stagectl.interchange.round_trip import Array, commands
 from stagectl.kernels import effects, jit, stage
@@ -49,7 +49,7 @@ def ours(setup: Setup, current: Array) -> dict[str, Array]:
 def theirs(setup: Setup, path: Path, current: Array, **start: float) -> dict[str, Array]:
     result = fmpy.simulate_fmu(
         str(path), output_interval=setup.dt, stop_time=(len(current) - 1) * setup.dt, output=list(SHOWN),
-        input=run._signals(setup, current), start_values=start,
+        input=archive._signals(setup, current), start_values=start,
     )  # fmt: skip
     return {name: result[name] for name in SHOWN}
 
@@ -66,7 +66,7 @@ def test_every_axis_to_the_last_bit(name: str, tmp_path: Path) -> None:
     setup = load_stage(CONFIG / name)
     exported = to_fmu(setup, tmp_path / "axis.fmu")
     assert exported.worst() == {"axis.fmu": (0.0, 0.0)}
-    assert run.findings(tmp_path / "axis.fmu") == []
+    assert archive.findings(tmp_path / "axis.fmu") == []
     same(setup, tmp_path / "axis.fmu", commands(setup)["sliding"])
 
 

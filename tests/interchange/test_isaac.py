@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.interchange.exported import ExportError
-from stagectl.interchange.isaac import configuration, physx, published
-from stagectl.interchange.isaac.export import to_isaac
-from stagectl.interchange.isaac.physx import Joint, step
+from stagectl.interchange.export import ExportError
+from stagectl.interchange.isaac import configuration, physx
+from stagectl.interchange.isaac.physx import Joint, step, to_isaac
 from stagectl.interchange.round_trip import commands, positions
 from stagectl.kernels import friction, friction_bristle
 from tests.conftest import CONFIG, Command
@@ -28,12 +27,12 @@ JOINT = Joint(0.01, 1.2, 1.0, 0.14)
 
 def standing_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """A module `isaaclab.actuators` whose class takes the published fields, and no others."""
-    package, module = ModuleType("isaaclab"), ModuleType(published.MODULE)
-    optional = [(name, Any, None) for name in published.FIELDS if name not in published.REQUIRED]
-    fields: list[Any] = [*((name, Any) for name in published.REQUIRED), *optional]
-    setattr(module, published.CLASS, make_dataclass(published.CLASS, fields))
+    package, module = ModuleType("isaaclab"), ModuleType(configuration.MODULE)
+    optional = [(name, Any, None) for name in configuration.FIELDS if name not in configuration.REQUIRED]
+    fields: list[Any] = [*((name, Any) for name in configuration.REQUIRED), *optional]
+    setattr(module, configuration.CLASS, make_dataclass(configuration.CLASS, fields))
     monkeypatch.setitem(sys.modules, "isaaclab", package)
-    monkeypatch.setitem(sys.modules, published.MODULE, module)
+    monkeypatch.setitem(sys.modules, configuration.MODULE, module)
 
 
 @pytest.mark.parametrize("name", AXES)
@@ -61,7 +60,7 @@ def test_the_file_makes_the_published_class(name: str, tmp_path: Path, monkeypat
 )
 def test_what_the_class_does_not_take(entries: dict[str, Any], said: str) -> None:
     with pytest.raises(ExportError, match=said):
-        published.check(entries)
+        configuration.check(entries)
 
 
 def test_below_static_friction_the_joint_stands_still() -> None:

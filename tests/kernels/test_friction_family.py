@@ -181,14 +181,25 @@ def test_gms_gives_no_energy_to_a_lap_that_is_fast_out_and_slow_back(reach: floa
     assert lap == pytest.approx(0.0, abs=1e-16) if reach < 1.0 else lap > 1e-7
 
 
+def passive_below(p: Bristle) -> float:
+    """Speed up to which it never gives out energy, ``T_c u^2 / ((u - 1) sigma_1)`` (rad/s | m/s); else inf.
+
+    The least over u up to 1 + rise: with the rise itself, or with 1 where that is larger.
+    """
+    rise = min(p.stribeck.rise, 1.0)
+    if p.damping == 0.0 or rise == 0.0:
+        return math.inf
+    return p.coulomb * (1.0 + rise) * (1.0 + rise) / (rise * p.damping)
+
+
 def test_lugre_is_passive_where_the_condition_says_so() -> None:
     """Below its speed it never gives back more than the bristle had stored; without a rise at no speed."""
-    assert friction_bristle.passive_below(DAHL._replace(stribeck=STRIBECK)) == math.inf
-    assert friction_bristle.passive_below(LUGRE) == pytest.approx(COULOMB * 1.4**2 / (0.4 * 50.0))
-    assert friction_bristle.passive_below(LUGRE._replace(stribeck=friction.Stribeck(3.0))) == 4.0 * COULOMB / 50.0
+    assert passive_below(DAHL._replace(stribeck=STRIBECK)) == math.inf
+    assert passive_below(LUGRE) == pytest.approx(COULOMB * 1.4**2 / (0.4 * 50.0))
+    assert passive_below(LUGRE._replace(stribeck=friction.Stribeck(3.0))) == 4.0 * COULOMB / 50.0
     bare = LUGRE._replace(stribeck=friction.Stribeck())
-    assert friction_bristle.passive_below(bare) == math.inf
-    assert np.abs(np.diff(wandering(5, 6000, 4e-6))).max() / DT < friction_bristle.passive_below(LUGRE)
+    assert passive_below(bare) == math.inf
+    assert np.abs(np.diff(wandering(5, 6000, 4e-6))).max() / DT < passive_below(LUGRE)
     for p, scale in ((LUGRE, 4e-6), (bare, 4e-6), (bare, 4e-3)):
         _never_gives(p, wandering(5, 6000, scale))
 
@@ -196,7 +207,7 @@ def test_lugre_is_passive_where_the_condition_says_so() -> None:
 @pytest.mark.parametrize(("share", "gives"), [(0.9, False), (1.2, True)])
 def test_lugre_gives_out_energy_just_above_that_speed(share: float, gives: bool) -> None:
     """The first instant of fast motion after slow motion: the bristle still carries the static friction."""
-    v = share * friction_bristle.passive_below(LUGRE)
+    v = share * passive_below(LUGRE)
     z = 1.4 * COULOMB / STIFFNESS
     h = 1e-9
     force, after = friction_bristle.bent(LUGRE, z, v, v * h, h)

@@ -380,5 +380,5 @@ def test_columns_that_are_not_there(
     (tmp_path / "bare.csv").write_text("0,0,1\n1,12,2\n")
     with refused(RecordingError, file=tmp_path / name, kind=kind, column=column):
         read(tmp_path / name, None, words)
-    with refused(RecordingError, kind=KIND.SYNTAX):
+    with refused(StageError, kind=KIND.SYNTAX):
         split("time=1,position")

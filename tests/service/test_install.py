@@ -25,7 +25,7 @@ def on_can(ball_screw: Setup) -> Setup:
     return ball_screw.with_wire(interface="socketcan", channel="can0", bitrate=500e3)
 
 
-def wanted(*setups: Setup, tcp: str = "") -> Installation:
+def wanted(*setups: Setup, tcp: tuple[str, int] | None = None) -> Installation:
     named = tuple((name, STAGE, setup) for name, setup in zip("xyz", setups, strict=False))
     return Installation(named, Path("/opt/stagectl/bin/python"), tcp)
 
@@ -43,7 +43,7 @@ def test_the_unit_says_what_the_stage_file_says(on_can: Setup, ball_screw: Setup
     assert "BitRate=500000" in network
     for line in ("MemoryMax=", "LimitNOFILE=", "TasksMax=", "OOMScoreAdjust=-", "WatchdogSec="):
         assert f"\n{line}" in unit
-    embedded = contents(wanted(ball_screw, ball_screw, tcp="127.0.0.1:8402"))
+    embedded = contents(wanted(ball_screw, ball_screw, tcp=("127.0.0.1", 8402)))
     assert set(embedded) == {place for place in PLACES.values() if "network" not in place}
     unit = embedded["etc/systemd/system/stagectl.service"]
     assert f'serve "x={STAGE}" "y={STAGE}" --tcp 127.0.0.1:8402\n' in unit
@@ -54,8 +54,8 @@ def test_the_unit_says_what_the_stage_file_says(on_can: Setup, ball_screw: Setup
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
-@pytest.mark.parametrize("tcp", ["", "127.0.0.1:8402", "0.0.0.0:8402"])
-def test_systemd_rates_the_unit_as_hardened(on_can: Setup, tmp_path: Path, tcp: str) -> None:
+@pytest.mark.parametrize("tcp", [None, ("127.0.0.1", 8402), ("0.0.0.0", 8402)])
+def test_systemd_rates_the_unit_as_hardened(on_can: Setup, tmp_path: Path, tcp: tuple[str, int] | None) -> None:
     install(wanted(on_can, tcp=tcp), tmp_path, True)
     command = ["systemd-analyze", "security", "--offline=true", f"--root={tmp_path}", "stagectl.service"]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
@@ -68,7 +68,7 @@ def test_what_was_installed_is_removed_and_nothing_else(on_can: Setup, tmp_path:
     own = tmp_path / "etc/systemd/network/10-eth0.network"
     own.parent.mkdir(parents=True)
     own.write_text("[Match]\n")
-    files = install(wanted(on_can, tcp="127.0.0.1:8402"), tmp_path, True)
+    files = install(wanted(on_can, tcp=("127.0.0.1", 8402)), tmp_path, True)
     assert any("systemctl enable --now stagectl.service" in line for line in files)  # said, not run: another root
     assert all((tmp_path / place).is_file() for place in PLACES.values())
     remove(tmp_path)

@@ -18,9 +18,9 @@ from stagectl.realtime.states import State
 from stagectl.service.axis_status import Shown
 from stagectl.service.child_process import start
 from stagectl.service.limits import TAKEN
+from stagectl.service.single_instance import serving
 from stagectl.service.stop_link import StopLink
 from stagectl.service.stop_path import StopPath, StopPost
-from stagectl.service.unix_sockets import serving
 
 
 class Bench:

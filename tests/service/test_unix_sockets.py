@@ -10,7 +10,7 @@ import pytest
 
 from stagectl.runtime_folder import short_name
 from stagectl.service.axis_controller import ServiceError
-from stagectl.service.unix_sockets import serving
+from stagectl.service.single_instance import serving
 
 KINDS = [socket.SOCK_STREAM, socket.SOCK_DGRAM]
 

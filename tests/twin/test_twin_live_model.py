@@ -188,6 +188,30 @@ def test_what_the_motion_does_not_tell_keeps_the_priors_width(ball_screw: Setup)
     assert drifts["inertia"].error > 10.0 * drifts["coulomb"].error
 
 
+def test_a_run_that_begins_elsewhere_is_followed_where_the_drive_counts(ball_screw: Setup) -> None:
+    """The same blocks as from rows with the origin in them; the law sees the rows themselves."""
+    rows = rows_of(ball_screw)[:1000]
+    moved = rows.copy()
+    moved[:, rollout.COLUMNS.index("measured")] += 0.3
+    p = beside(ball_screw)
+    ours, expected = followed(p._replace(origin=0.3), rows), followed(p, moved)
+    for block, other in zip(ours, expected, strict=True):
+        assert np.array_equal(block.mechanics.gram, other.mechanics.gram)
+        assert np.array_equal(block.mechanics.cross, other.mechanics.cross)
+        assert block.controller == 0.0
+    assert any(
+        not np.array_equal(block.mechanics.gram, other.mechanics.gram)
+        for block, other in zip(ours, followed(p, rows), strict=True)
+    )
+
+
+@pytest.mark.parametrize(("line", "origin"), [(b"0.3\n", 0.3), (b"nan\n", 0.0), (b"", 0.0)])
+def test_the_run_says_where_it_begins(ball_screw: Setup, tmp_path: Any, line: bytes, origin: float) -> None:
+    reader = reader_of(ball_screw, Ring.create(rollout.WIDTH, 4096), tmp_path)
+    reader.stands_at(line)
+    assert reader.twin.origin == origin
+
+
 def reader_of(setup: Setup, ring: Ring, tmp_path: Any) -> RingFollower:
     law = design.design(setup.stage, setup.file.control).law
     order = companion(setup, law, tmp_path / "run.h5").order(ring, 0)

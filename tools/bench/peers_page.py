@@ -24,6 +24,10 @@ _EXAM = (
     "effect left out: unknown",
     "closure, single effect",
 )
+_MEANING = (
+    "In all comparisons less is better. Each round measures both, and gives a ratio, theirs over ours; the figure is "
+    "the median of the rounds: above 1, ours is ahead. It need not be the ratio of the two medians."
+)
 Line = dict[str, Any]
 
 
@@ -62,7 +66,7 @@ def page(found: dict[str, Any]) -> Page:
         answer=answer(found),
         notes=[
             _circumstances(found),
-            "In all of them less is better; ratios are theirs over ours, so above 1 ours is ahead.",
+            _MEANING,
         ],
         figures=[],
         tables=[],
@@ -181,8 +185,7 @@ def manual(found: dict[str, Any]) -> str:
     parts = [
         "# Figures against peers",
         f"{answer(found)} {_circumstances(found)} `python tools/bench --page bench.html` measures them on your machine "
-        "(`pip install -e '.[bench]'`, `apt install rt-tests`). In all comparisons less is better; the ratio is theirs "
-        "over ours, so above 1 ours is ahead. Versions: "
+        f"(`pip install -e '.[bench]'`, `apt install rt-tests`). {_MEANING} Versions: "
         f"{', '.join(' '.join(one) for one in found['versions'].items())}.",
     ]
     for section in _sections(found):

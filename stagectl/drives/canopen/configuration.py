@@ -11,8 +11,7 @@ from typing import cast
 
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.boot_up import BootUp
-from stagectl.drives.canopen.found_power import take_power
+from stagectl.drives.canopen.boot_up import BootUp, take_power
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
 from stagectl.drives.canopen.object_rules import Wishes, obey

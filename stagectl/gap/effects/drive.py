@@ -1,11 +1,13 @@
-"""Effects between the command and the motor's current, and in the current that the drive reports."""
+"""Effects of the electronics: from the command to the motor's current and its report, and from position to its log."""
 
 from __future__ import annotations
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
-from stagectl.gap.effects.stage_changes import added, delayed, put
+from stagectl.gap.effects.stage_changes import added, delayed, harmonic_parameters, put
 from stagectl.kernels.stage import Stage
+
+_PER_TURN, _PER_PERIOD = grids.ENCODER_ERRORS
 
 
 def _offset(_: Scales) -> Parameters:
@@ -65,6 +67,13 @@ def _torque_path(s: Scales) -> Parameters | None:
     return Parameters(amplitudes, (), added(**{name: f"drive.{name}" for name in names}))
 
 
+def _interpolation(s: Scales) -> Parameters | None:
+    orders = (s.periods,) if s.periods else s.orders.get("encoder_interpolation", ())
+    if not orders:
+        return None
+    return harmonic_parameters("encoder.interpolation", "rad | m", _PER_PERIOD * s.pitch, orders)
+
+
 PARAMETERS: dict[str, ParametersOf] = {
     "dead_time": _dead_time,
     "torque_path": _torque_path,
@@ -75,4 +84,8 @@ PARAMETERS: dict[str, ParametersOf] = {
     "current_offset": _offset,
     "current_saturation": _current_limit,
     "voltage_saturation": _voltage_limit,
+    "encoder_eccentricity": lambda s: harmonic_parameters(
+        "encoder.eccentricity", "rad | m", _PER_TURN * s.pitch, (1.0,)
+    ),
+    "encoder_interpolation": _interpolation,
 }

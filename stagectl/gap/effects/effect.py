@@ -121,7 +121,6 @@ class Effect(NamedTuple):
     experiments: tuple[str, ...] = ()  # that excite it: their names or their families
     parameters: ParametersOf | None = None  # unless given, it is not searched for on any machine
     look_alikes: Mapping[str, Data] = MappingProxyType({})  # other effects, and the data that show both alike
-    kin: tuple[str, ...] = ()  # groups whose errors of form resemble each other
     generalisations: tuple[str, ...] = ()  # effects of which this one is a special case
     extends: str = ""  # effect that this one replaces and adds something to
     nominal: bool = False  # every model has it: a change of it is an error of a parameter

@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.compensation import model_effects
-from stagectl.gap.effects import drive, friction, mechanics, parameters, sensor
+from stagectl.gap.effects import drive, friction, mechanics
 from stagectl.gap.effects.effect import Data, Definition, Effect, Scales, definition
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels.stage import Stage
 
-_PARAMETERS = {
-    name: of for part in (parameters, drive, mechanics, friction, sensor) for name, of in part.PARAMETERS.items()
-}
+_PARAMETERS = {name: of for part in (mechanics, drive, friction) for name, of in part.PARAMETERS.items()}
 
 
 def _effect(name: str, record: dict[str, Any]) -> Effect:
@@ -78,12 +76,6 @@ def look_alikes(name: str, data: Data) -> tuple[str, ...]:
     return tuple(other for other, where in EFFECTS[name].look_alikes.items() if where & data)
 
 
-def kin(name: str) -> frozenset[str]:
-    """Effects whose error of form resembles that of `name`, itself among them where there are any."""
-    groups = set(EFFECTS[name].kin)
-    return frozenset(effect.name for effect in EFFECTS.values() if groups & set(effect.kin))
-
-
 def generalisations(name: str) -> tuple[str, ...]:
     """Effects that hold `name` as a special case, and so explain all that it does."""
     return EFFECTS[name].generalisations
@@ -95,10 +87,7 @@ def excited_by(experiment: str) -> tuple[str, ...]:
 
 
 def excluded(words: Sequence[str]) -> tuple[str, ...]:
-    """Names from ``--exclude a,b --exclude c``.
-
-    Raises UnknownEffectError.
-    """
+    """Names from ``--exclude a,b --exclude c``.  Raises UnknownEffectError."""
     names = tuple(name.strip() for word in words for name in word.split(",") if name.strip())
     for name in names:
         if name not in EFFECTS:

@@ -1,17 +1,21 @@
-"""Effects of motor, screw, cable, table and base: all that is not a factor on friction."""
+"""Effects of motor, screw, cable, table and base, but for factors on friction; and parameters that every model has."""
 
 from __future__ import annotations
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
 from stagectl.gap.effects.stage_changes import (
+    Change,
     added,
+    coulomb,
     decay,
     filled,
     get,
     harmonic,
     harmonic_parameters,
     put,
+    scaled,
+    stretched,
 )
 from stagectl.kernels.stage import Stage
 
@@ -113,7 +117,21 @@ def _gravity(s: Scales) -> Parameters | None:
     return harmonic_parameters("mechanics.gravity", _EFFORT, s.coulomb, (1.0,)) if s.rotates else None
 
 
+def _share(change: Change) -> ParametersOf:
+    """A relative change of the parameter."""
+    return lambda _: Parameters((Amplitude("size", "", (0.1,), -0.9, 10.0),), (), change)
+
+
 PARAMETERS: dict[str, ParametersOf] = {
+    # Parameters that every model has: a change of one is an error of the parameter, not a missing effect.
+    "inertia": _share(scaled("mechanics.inertia")),
+    "viscous": _share(scaled("mechanics.viscous")),
+    "coulomb": _share(coulomb),
+    "presliding": _share(stretched),
+    "force_constant": _share(scaled("motor.force_constant")),
+    "bias": lambda s: Parameters(
+        (Amplitude("effort", "N m | N", (0.1 * s.coulomb,)),), (), added(effort="mechanics.bias")
+    ),
     "cogging": lambda s: harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, s.orders.get("cogging", ())),
     "cogging_map": _cogging_map,
     "gravity": _gravity,

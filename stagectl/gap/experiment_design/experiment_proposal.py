@@ -24,7 +24,6 @@ from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.experiment_design import (
     catalogue,
     coverage,
-    manual_experiments,
     nuisance_refit,
     prediction_distance,
     thresholds,
@@ -204,10 +203,10 @@ def _refitted(chosen: Sequence[SimulatedExperiment], models: Models) -> list[Sim
 def by_hand(names: tuple[str, ...]) -> NextExperiment | None:
     """What is to be done by hand where every motion looks alike under all of the models; None where nothing helps."""
 
-    def rank(manual: manual_experiments.ManualExperiment) -> tuple[int, float]:
+    def rank(manual: catalogue.ManualExperiment) -> tuple[int, float]:
         return len(set(manual.effects) & set(names)), -manual.duration
 
-    best = max(manual_experiments.MANUAL, key=rank)
+    best = max(catalogue.MANUAL, key=rank)
     if rank(best)[0] == 0:
         return None
     words = f"No motion separates them, so something has to be done by hand.  {best.words}"

@@ -66,10 +66,7 @@ class OperatingRange(NamedTuple):
 
 
 def extremes_of(session: Session) -> LoggedExtremes:
-    """How far, fast and hard the machine went.
-
-    Raises GapError where it never moved.
-    """
+    """How far, fast and hard the machine went.  Raises GapError where it never moved."""
     positions = [log.position for log in session.logs]
     low, high = min(float(x.min()) for x in positions), max(float(x.max()) for x in positions)
     begins = float(np.median([path_of(log)[0] for log in session.logs]))

@@ -50,10 +50,7 @@ class StageScale(NamedTuple):
 
 
 def scale_of(setup: Setup) -> StageScale:
-    """The scale of this stage.
-
-    Raises GapError where it has no room to move both ways, or not the current to.
-    """
+    """The scale of this stage.  Raises GapError where it has no room to move both ways, or not the current to."""
     p, axis, limits = setup.stage, setup.file.axis, setup.file.limits
     per_unit = axis.travel_per_unit
     scale = StageScale(

@@ -25,9 +25,9 @@ from stagectl.gap.residuals import least_squares, run_products
 from stagectl.gap.residuals.half_strokes import Run, spans
 from stagectl.gap.residuals.run_products import RunProducts
 from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
+from stagectl.number_format import NORMAL as NORMAL
 from stagectl.parallel import in_parallel
 
-NORMAL = 1.96  # standard deviations that 95 % of a normal distribution lie within
 FOLDS = (0, 2)  # numbers of half strokes that stand for a whole fold: `first_fold` sorts them like its members
 
 
@@ -122,12 +122,6 @@ def fold_sums(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     sums = in_parallel(lambda run: of_run(*run), zip(p.parts, residuals, strict=True))
     square, floor = (np.sum([run[k] for run in sums], axis=0) for k in (0, 1))
     return Grams(p.names, square[0], square[1], floor.T, np.zeros(2, np.int64), np.array(FOLDS))
-
-
-def bounded_step(g: Grams, names: Sequence[str], low: Array, high: Array) -> dict[str, float]:
-    """Least squares of the columns `names` on all data, each amplitude within `low` and `high` (k,)."""
-    step = least_squares.bounded(g.both.sum(axis=0), g.places(names), low, high)
-    return dict(zip(names, step.tolist(), strict=True))
 
 
 def tempered(g: Grams, effort: float, current: float) -> Grams:

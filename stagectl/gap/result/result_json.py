@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import VERDICTS, Array, DiagnosisResult
+from stagectl.problem import why_unread
 from stagectl.typed_json import TypedJsonError, decoded, encoded
 
 NAME = "diagnosis.json"
@@ -91,7 +92,7 @@ def load(place: Path) -> DiagnosisResult:
             path, f"is not a diagnosis: {error}; run `stagectl gap diagnose` again", error
         ) from error
     except (OSError, ValueError) as error:
-        raise NotADiagnosisError(path, f"cannot be read as JSON: {error}; {_next(path)}") from error
+        raise NotADiagnosisError(path, f"cannot be read: {why_unread(error)}; {_next(path)}") from error
 
 
 def _next(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""The FMU's file: descriptions, sources, and the binary of this platform where there is a C compiler."""
+"""A stage as an FMU: descriptions, sources, a binary where there is a C compiler; checked and run by FMPy at once."""
 
 from __future__ import annotations
 
@@ -12,10 +12,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import fmpy
+import numpy as np
+from fmpy.validation import validate_fmu
 
 from stagectl.config.stage_file import Setup
+from stagectl.interchange.export import ExportedModel, ExportError, lost, random_numbers
 from stagectl.interchange.fmu import description, model_header
 from stagectl.interchange.fmu.variables import variables
+from stagectl.interchange.round_trip import Array, Simulated, compared
+from stagectl.problem import ProblemKind
 from stagectl.units import StageError
 
 SOURCE = "fmi3.c"
@@ -79,3 +84,59 @@ def _zip(folder: Path, path: Path) -> None:
         for file in sorted(folder.rglob("*")):
             if file.is_file():
                 archive.write(file, file.relative_to(folder))
+
+
+NO_COMPILER = (
+    "no C compiler on this machine (CC, cc, gcc, clang): the FMU has its sources only and was not run. "
+    "Where there are a compiler and cmake: fmpy compile {path}"
+)
+
+
+def to_fmu(setup: Setup, path: Path) -> ExportedModel:
+    """Write the FMU `path`; with a binary of this platform and run by FMPy where there is a C compiler.
+
+    Raises ExportError where it cannot be written, or where FMPy's validation finds something.
+    """
+    command = compiler()
+    with ExportError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE):
+        write(setup, path, command)
+    wrong = findings(path)
+    if wrong:
+        raise ExportError(f"FMPy's validation finds in {path}: {'; '.join(wrong)}")
+    simulator, losses = f"FMPy {fmpy.__version__}", [*lost(setup, _HELD), *random_numbers(setup)]
+    if command is None:
+        return ExportedModel(simulator, (path,), {}, losses, (NO_COMPILER.format(path=path),))
+    variants = {path.name: compared(setup, simulated(setup, path))}
+    return ExportedModel(simulator, (path,), variants, losses, ("FMPy's validation: no findings.",))
+
+
+# All of the plant, as the source is that of the kernels; only random numbers are drawn outside.
+_HELD: dict[str, set[str]] = {"residual": set()}
+
+
+def findings(path: Path) -> list[str]:
+    """What FMPy's validation finds wrong with the FMU."""
+    return [str(problem) for problem in validate_fmu(str(path))]
+
+
+def simulated(setup: Setup, path: Path) -> Simulated:
+    """What runs commands through the FMU `path`."""
+
+    def run(current: Array) -> Array:
+        found = fmpy.simulate_fmu(
+            str(path), output_interval=setup.dt, stop_time=(len(current) - 1) * setup.dt,
+            input=_signals(setup, current), output=["position"],
+        )  # fmt: skip
+        positions: Array = found["position"]
+        assert len(positions) == len(current)
+        return positions
+
+    return run
+
+
+def _signals(setup: Setup, current: Array) -> np.ndarray:
+    """The inputs as FMPy takes them: commands that are held from their time on."""
+    signals = np.zeros(len(current), dtype=[(name, np.float64) for name in ("time", "command", "added_current")])
+    signals["time"] = np.arange(len(current)) * setup.dt
+    signals["command"] = current
+    return signals

@@ -1,16 +1,60 @@
-"""The Python file with the actuator's configuration: written, and read back."""
+"""The Python file with the actuator's configuration: written, checked, and read back.
+
+Isaac Lab is on no package index, so an export is checked against the table below instead of the class.  Isaac Lab
+3.0.0, read on 2026-11-25: https://isaac-sim.github.io/IsaacLab/release/3.0.0/_modules/isaaclab/actuators/actuator_base_cfg.html
+and .../actuator_pd_cfg.html.  Version 2.3 has the same names but for `actuator_effort_limit`, there `effort_limit`.
+"""
 
 from __future__ import annotations
 
 import ast
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.isaac import published
+from stagectl.interchange.export import ExportError
 from stagectl.kernels import stage
 from stagectl.kernels.plant import Friction, Stage
+
+VERSION = "3.0.0"
+MODULE, CLASS = "isaaclab.actuators", "DelayedPDActuatorCfg"
+NUMBER, NUMBERS = (float,), (float, dict, type(None))
+FIELDS: dict[str, tuple[type, ...]] = {  # types of each field
+    "class_type": (type, str),
+    "joint_names_expr": (list,),
+    "actuator_effort_limit": NUMBERS,  # N m | N, at which the actuator's effort is clipped
+    "actuator_velocity_limit": NUMBERS,
+    "joint_effort_limit": NUMBERS,
+    "joint_velocity_limit": NUMBERS,
+    "stiffness": NUMBERS,  # N m/rad | N/m
+    "damping": NUMBERS,  # N m s/rad | N s/m
+    "armature": NUMBERS,  # kg m^2 | kg, added to the joint's inertia
+    "friction": NUMBERS,  # N m | N, static
+    "dynamic_friction": NUMBERS,  # N m | N
+    "viscous_friction": NUMBERS,  # N m s/rad | N s/m
+    "min_delay": (int,),  # physics steps
+    "max_delay": (int,),
+}
+REQUIRED = ("joint_names_expr", "stiffness", "damping")
+
+
+def check(entries: Mapping[str, Any]) -> None:
+    """Whether the class takes these entries.
+
+    Raises ExportError for a name that it does not have, a value of another type, and a required one that is missing.
+    """
+    for name, value in entries.items():
+        if name not in FIELDS:
+            raise ExportError(f"{CLASS} of Isaac Lab {VERSION} has no field {name}")
+        if not isinstance(value, FIELDS[name]):
+            kinds = " or ".join(kind.__name__ for kind in FIELDS[name])
+            raise ExportError(f"{CLASS}.{name} = {value!r}; must be {kinds}")
+    missing = [name for name in REQUIRED if name not in entries]
+    if missing:
+        raise ExportError(f"{CLASS} of Isaac Lab {VERSION} requires {', '.join(missing)}")
+
 
 ACTUATOR = "ACTUATOR"  # names in the file
 STEP, CONSTANT, BIAS = "PHYSICS_STEP", "FORCE_CONSTANT", "CONSTANT_EFFORT"
@@ -50,7 +94,7 @@ def configuration(setup: Setup) -> Configuration:
         "min_delay": late,
         "max_delay": late,
     }
-    published.check(entries)
+    check(entries)
     return Configuration(setup.dt, p.motor.force_constant, p.mechanics.bias, entries)
 
 
@@ -64,16 +108,16 @@ def text(found: Configuration, name: str) -> str:
     """The Python file; `name` is that of the stage."""
     entries = "".join(f"    {key}={value!r},\n" for key, value in found.entries.items())
     return (
-        f'"""{name} as an actuator of Isaac Lab {published.VERSION}.\n\n'
+        f'"""{name} as an actuator of Isaac Lab {VERSION}.\n\n'
         f"    actuators={{'axis': {ACTUATOR}}}    # in ArticulationCfg; `joint_names_expr` names the joint\n"
         f"    dt={STEP}    # in SimulationCfg; the delays count these steps\n\n"
         f"The joint's effort target is {CONSTANT} * current + {BIAS}.  The armature is all of the axis'\n"
         "inertia: give the joint's link next to none.\n"
-        f'"""\n\nfrom {published.MODULE} import {published.CLASS}\n\n'
+        f'"""\n\nfrom {MODULE} import {CLASS}\n\n'
         f"{STEP} = {found.step!r}  # s\n"
         f"{CONSTANT} = {found.constant!r}  # N m/A | N/A\n"
         f"{BIAS} = {found.bias!r}  # N m | N\n"
-        f"{ACTUATOR} = {published.CLASS}(\n{entries})\n"
+        f"{ACTUATOR} = {CLASS}(\n{entries})\n"
     )
 
 
@@ -88,7 +132,7 @@ def read(path: Path) -> Configuration:
     call = assigned[ACTUATOR]
     assert isinstance(call, ast.Call)
     entries = {str(each.arg): ast.literal_eval(each.value) for each in call.keywords}
-    published.check(entries)
+    check(entries)
     step, constant, bias = (float(ast.literal_eval(assigned[name])) for name in (STEP, CONSTANT, BIAS))
     return Configuration(step, constant, bias, entries)
 

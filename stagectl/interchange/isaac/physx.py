@@ -1,4 +1,4 @@
-"""One joint under PhysX' joint friction, as its documentation gives the rule.
+"""A stage as a configuration of Isaac Lab, tried on one joint under PhysX' rule of joint friction.
 
 Each solver iteration takes the impulse that would stop the joint.  Within the static friction it is applied; beyond it,
 it is held within the dynamic friction and the viscous one at the joint's velocity::
@@ -18,9 +18,30 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.config.stage_file import Setup
 from stagectl.interchange.constants import SOLVER_ITERATIONS
+from stagectl.interchange.export import ExportedModel, lost, write_texts
+from stagectl.interchange.isaac import configuration
 from stagectl.interchange.isaac.configuration import Configuration, read
-from stagectl.interchange.round_trip import Array, Simulated
+from stagectl.interchange.round_trip import Array, Simulated, compared
+
+SIMULATOR = f"Isaac Lab {configuration.VERSION}, by PhysX' rule of joint friction,"
+NOTES = (
+    f"Checked against the field names of {configuration.CLASS} that Isaac Lab {configuration.VERSION} publishes.",
+    "Isaac Sim did not run: the motions are those of the rule that PhysX documents.",
+    "Isaac Lab 2.3 calls `actuator_effort_limit` `effort_limit`.",
+)
+
+
+def to_isaac(setup: Setup, path: Path) -> ExportedModel:
+    """Write the Python file `path`, and run the parameters in it by PhysX' rule.
+
+    Raises ExportError where it cannot be written.
+    """
+    write_texts({path: configuration.text(configuration.configuration(setup), setup.file.name)})
+    variants = {path.name: compared(setup, simulated(path))}
+    losses = [*lost(setup, configuration.HELD), *configuration.shapes(setup.stage)]
+    return ExportedModel(SIMULATOR, (path,), variants, losses, NOTES)
 
 
 class Joint(NamedTuple):

@@ -98,7 +98,9 @@ export class Scope {
       : { channel: source, level: /^[-+.\de]+$/i.test(level) && unit ? `${level} ${unit}` : level, edge: at("scope-edge").value };
     this.single = single;
     this.shownPart = null;
-    this.names = [...new Set([...this.chosen, ...this.view.needs])].slice(0, MOST);
+    const names = [...new Set([...this.chosen, ...this.view.needs])].slice(0, MOST), curves = [this.axis, ...names].join();
+    if (curves !== this.curves) this.last = null;  // a capture of other curves must not appear under these names
+    [this.names, this.curves] = [names, curves];
     this.build();
     this.tell(trigger ? "waiting for the trigger" : "");
     this.link.ask("scope", { axis: this.axis, channels: this.names, span: Number(at("scope-span").value), before: Number(at("scope-before").value) / 100,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from stagectl.config.stage_file import Setup
 from stagectl.recording.metadata import versions
 from stagectl.units import StageError
-from stagectl.workflows.acceptance import powered_steps, reading_steps
+from stagectl.workflows.acceptance import steps
 from stagectl.workflows.acceptance.limits import LONGEST_NAME
 from stagectl.workflows.acceptance.result import Acceptance, Outcome, StepResult
 from stagectl.workflows.acceptance.workbench import Found, StepError, Workbench
@@ -28,14 +28,14 @@ class Step(NamedTuple):
 
 
 STEPS = (
-    Step("identity", "the drive is the one that EDS and stage file are for", False, reading_steps.identity),
-    Step("protection", "the drive notices a lost controller, and then stops", False, reading_steps.protection),
-    Step("polarity", "a small current moves the axis the right way", True, powered_steps.polarity),
-    Step("current-limit", "no more current flows than the limit", True, powered_steps.current_limit),
-    Step("kill", "kill -9 of the real-time process: the drive stops by itself", True, powered_steps.killed),
-    Step("silence", "silence on the bus: the drive stops by itself", True, powered_steps.silent),
-    Step("quick-stop", "the drive's quick stop", True, powered_steps.quick_stop),
-    Step("travel", "the loop stops at the limits of the travel", True, powered_steps.travel_limits),
+    Step("identity", "the drive is the one that EDS and stage file are for", False, steps.identity),
+    Step("protection", "the drive notices a lost controller, and then stops", False, steps.protection),
+    Step("polarity", "a small current moves the axis the right way", True, steps.polarity),
+    Step("current-limit", "no more current flows than the limit", True, steps.current_limit),
+    Step("kill", "kill -9 of the real-time process: the drive stops by itself", True, steps.killed),
+    Step("silence", "silence on the bus: the drive stops by itself", True, steps.silent),
+    Step("quick-stop", "the drive's quick stop", True, steps.quick_stop),
+    Step("travel", "the loop stops at the limits of the travel", True, steps.travel_limits),
 )
 
 GoAhead = Callable[[Step, str], bool]  # the step, and what will happen: whether it may

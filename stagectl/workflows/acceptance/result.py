@@ -19,7 +19,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from stagectl.problem import absent
+from stagectl.problem import absent, why_unread
 from stagectl.units import StageError
 from stagectl.workflows.acceptance.limits import SHORTEST_KEY
 from stagectl.workflows.acceptance.traces import Trace
@@ -107,10 +107,8 @@ def _parts(path: Path) -> tuple[dict[str, Any], str, Any]:
     remedy = "give the .json that it wrote next to the page; `ls *.json` shows what is here"
     try:
         page = json.loads(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise StageError(f"{other}: byte {error.start + 1} is not text; {remedy}") from error
-    except json.JSONDecodeError as error:
-        raise StageError(f"{other}: line {error.lineno}, column {error.colno} is not JSON; {remedy}") from error
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise StageError(f"{other}: {why_unread(error)}; {remedy}") from error
     lacking = [name for name in _PARTS if name not in page] if isinstance(page, dict) else [*_PARTS]
     if lacking or not isinstance(page["content"], dict):
         raise StageError(f"{other}: it has no {', '.join(lacking) or 'object under content'}; {remedy}")

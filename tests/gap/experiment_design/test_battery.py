@@ -12,9 +12,8 @@ from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.gap.experiment_design.battery import battery, held_out
-from stagectl.gap.experiment_design.catalogue import library
+from stagectl.gap.experiment_design.catalogue import MANUAL, library
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, number, yaml_of
-from stagectl.gap.experiment_design.manual_experiments import MANUAL
 from stagectl.gap.experiment_design.motions import wavering
 from stagectl.gap.experiment_design.stage_scale import presliding, scale_of
 from stagectl.gap.logs.session import GapError

@@ -10,8 +10,7 @@ import typer
 
 from stagectl.cli.gap_diagnose import Exclude, Full
 from stagectl.cli.motion import Json
-from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, progress
+from stagectl.cli.show import console, emit, progress, single_threaded_algebra
 
 if TYPE_CHECKING:
     from stagectl_studies.fleet import FleetMachine, MachineSummary

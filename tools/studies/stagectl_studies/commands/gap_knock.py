@@ -9,8 +9,7 @@ import typer
 
 from stagectl.cli.gap_diagnose import Folder, Full, StageFile, names
 from stagectl.cli.motion import Json
-from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, progress
+from stagectl.cli.show import console, emit, progress, single_threaded_algebra
 
 Into = Annotated[
     list[str] | None, typer.Option("--into", metavar="NAMES", help="Forces to add, separated by commas; default: all.")
