@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.compensation.constants import EFFECTS_SHARE
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels.feedforward import Feedforward
@@ -76,13 +75,15 @@ def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
 
 
 def _limited(task: Task, laid_out: Plan) -> str:
-    """That the current against the model's effects was limited, in words; empty where it was not."""
+    """Which effect's current was limited, in words; empty where none was."""
     if not laid_out.limited:
         return ""
-    most, (place, current) = EFFECTS_SHARE * task.setup.stage.drive.current_limit, laid_out.largest
-    named = f" {place} demands the most, {current:.3g} A on its own: check its value;" if place else ""
+    each = "; ".join(
+        f"{one.place or 'all effects together'} would take up to {one.demanded:.3g} A and gets {one.most:.3g} A, in "
+        f"{one.periods} of {len(laid_out.setpoints)} periods"
+        for one in laid_out.limited
+    )
     return (
-        f"{task.name}: the current against the model's effects is limited to {most:.3g} A in {laid_out.limited} of "
-        f"{len(laid_out.setpoints)} periods; the feedback takes the rest.{named} "
-        f"`stagectl gap close {task.setup.path}` tells what each effect is worth"
+        f"{task.name}: the current against the model's effects is limited: {each}. The feedback takes the rest; check "
+        f"the values: `stagectl gap close {task.setup.path}` tells what each effect is worth"
     )
