@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from stagectl.compensation.constants import EFFECT_SHARE, EFFECTS_SHARE, FADE_TIME, INVERSE_STEPS, ROUNDING
 from stagectl.kernels import effects, equilibrium, friction, inverse, plant_with_effects, stage, transmission
 from stagectl.kernels.fields import get, put
+from stagectl.kernels.jit import states
 from stagectl.kernels.law import SETPOINT_COLUMNS
 
 Array = NDArray[np.float64]
@@ -41,9 +42,14 @@ class Memory(NamedTuple):
     held: float = 0.0  # A, the current at the end of the last motion, which holds since
 
     def copy(self) -> Memory:
-        """One of its own to move on."""
-        whole, plain = (x._replace(stops=x.stops.copy()) for x in (self.whole, self.plain))
-        return self._replace(whole=whole, plain=plain)
+        """One of its own to move on, for the kernels of this process: another may have interpreted its own."""
+        return self._replace(whole=_copied(self.whole), plain=_copied(self.plain))
+
+
+def _copied(x: stage.State) -> stage.State:
+    stops = states(len(x.stops))
+    stops[:] = x.stops
+    return x._replace(stops=stops)
 
 
 class Limited(NamedTuple):
@@ -172,7 +178,7 @@ class _Way(NamedTuple):
 def _resting(p: stage.Stage, x: stage.State) -> float:
     """Current (A) that holds the axis at rest where it is; its state `x` stays."""
     out = np.empty(1)
-    inverse.along(p, x._replace(stops=x.stops.copy()), np.array([[x.position, 0.0, 0.0]]), (1.0, 1), out)
+    inverse.along(p, _copied(x), np.array([[x.position, 0.0, 0.0]]), (1.0, 1), out)
     return float(out[0])
 
 
@@ -187,9 +193,9 @@ def _within_shares(
     most, limited = EFFECT_SHARE * p.drive.current_limit, list[Limited]()
     if float(np.abs(current).max()) <= most:
         return ()
-    for place in _places(p):
+    for place in places(p):
         alone = put(way.plain, place, get(p, place))
-        rubbing = {"force": begins.force, "stops": begins.stops.copy(), "bristle": begins.bristle}
+        rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
         own, _ = way.demanded(alone, stage.at_rest(alone, begins.position)._replace(**rubbing))
         own -= without
         current -= own - np.clip(own, -most, most)
@@ -197,12 +203,12 @@ def _within_shares(
     return tuple(limited)
 
 
-def _places(p: stage.Stage) -> list[str]:
-    """Dotted places of the fields that hold an effect."""
+def places(p: stage.Stage) -> list[str]:
+    """Dotted places of the fields that hold an effect which a current answers."""
     known, groups = plain(p), (("drive", p.drive), ("motor", p.motor), ("mechanics", p.mechanics),
                                ("friction", p.friction))  # fmt: skip
-    places = ("residual", *(f"{name}.{field}" for name, group in groups for field in group._fields))
-    return [place for place in places if get(p, place) != get(known, place)]
+    every = ("residual", *(f"{name}.{field}" for name, group in groups for field in group._fields))
+    return [place for place in every if get(p, place) != get(known, place)]
 
 
 def _limited(place: str, current: Array, most: float) -> tuple[Limited, ...]:

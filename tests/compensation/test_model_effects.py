@@ -116,6 +116,21 @@ def test_a_motion_goes_on_where_the_last_one_ended(ball_screw: Setup) -> None:
     assert abs(fresh.setpoints[0, 3]) < 0.02 < abs(second.setpoints[0, 3])
 
 
+def test_a_process_goes_on_with_what_interpreted_kernels_have_left(ball_screw: Setup) -> None:
+    """A service plans with interpreted kernels until the compiled ones have been loaded; those keep lists."""
+    known = ball_screw._replace(stage=having(ball_screw.stage, DEFINITIONS["cable_hysteresis"], 1.0))
+    motion, ahead = MOTIONS["stop and go"], known.controller.feedforward
+    first = plan(known, motion, ahead)
+    left = first.effects
+    assert left is not None
+    listed = left._replace(
+        whole=left.whole._replace(stops=list(left.whole.stops)), plain=left.plain._replace(stops=list(left.plain.stops))
+    )
+    end = float(first.setpoints[-1, 0])
+    rows = [plan(known, motion, ahead, Start(end, effects=memory).copy()).setpoints for memory in (left, listed)]
+    assert np.array_equal(rows[0], rows[1])
+
+
 def test_one_effect_is_left_out(ball_screw: Setup) -> None:
     p = having(having(ball_screw.stage, DEFINITIONS["cogging"], 1.0), DEFINITIONS["viscous_asymmetry"], 1.0)
     left = left_out(p, ["cogging"])
