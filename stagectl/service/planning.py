@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +25,7 @@ class Upload(NamedTuple):
 
     yaml: str
     tables: Mapping[str, str]
+    unanswered: tuple[str, ...] = ()  # dotted places of effects that this motion leaves to the feedback
 
 
 class Task(NamedTuple):
@@ -62,16 +63,23 @@ def laid_out(task: Task) -> Motion:
 
 def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
     """The motion, and apart from it its rows (n, 8)."""
-    trajectory = task.trajectory
+    trajectory, setup = task.trajectory, task.setup
     if isinstance(trajectory, Upload):
-        trajectory = load_trajectory(_PLACE, axis_of(task.setup), trajectory.yaml, trajectory.tables)
-    check_duration(phases(trajectory).duration, task.setup.dt, PLANNED_ROWS)
+        setup = leaving(setup, trajectory.unanswered)
+        trajectory = load_trajectory(_PLACE, axis_of(setup), trajectory.yaml, trajectory.tables)
+    check_duration(phases(trajectory).duration, setup.dt, PLANNED_ROWS)
     start = task.start.copy()
-    laid_out = plan(task.setup, trajectory, task.feedforward, start)
+    laid_out = plan(setup, trajectory, task.feedforward, start)
     rows = np.ascontiguousarray(laid_out.setpoints)
     span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
     left = start._replace(effects=laid_out.effects)
     return Motion(task.name, b"", len(rows), span, left, _limited(task, laid_out)), rows
+
+
+def leaving(setup: Setup, places: Sequence[str]) -> Setup:
+    """The set-up that leaves the effects at these dotted `places`, too, to the feedback."""
+    control = setup.file.control
+    return setup.having(control=control._replace(unanswered=tuple(dict.fromkeys((*control.unanswered, *places)))))
 
 
 def _limited(task: Task, laid_out: Plan) -> str:
