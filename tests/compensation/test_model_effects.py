@@ -34,7 +34,8 @@ WITHIN = {"backlash": 3.0, "thermal_coulomb": 1.6}
 # turns it back.  That unloads the friction: the current at rest falls from 1.53 to 1.14 A, while the next start is laid
 # out from friction that still carries its load.  Too little current leaves that load where it is.  A fade with the
 # reference's speed is no remedy, as all of Stribeck's rise lies there: without it the right value costs 200 nm on
-# arrival, not 30.  `gap close` drops what makes the error grow.
+# arrival, not 30.  A Stribeck rise is worse than none beyond 1.2 times its value, a ripple beyond 1.6 times, whatever
+# the band at standstill is.  `gap close` and `effects` drop what makes the error grow.
 OVERDONE = {"stribeck": 4.5, "current_ripple": 1.7}
 MANY = {"backlash", "compliance", "coulomb_asymmetry"}  # four times their typical size is no machine any more
 
