@@ -24,7 +24,7 @@ from stagectl.kernels import friction_path, rollout, stage
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
 from stagectl.kernels.friction_bristle import Bristle
-from stagectl.kernels.jit import INTERPRETED, table
+from stagectl.kernels.jit import table
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import Experiment, Phases, Span, Trajectory, TrajectoryError, peaks, phases
@@ -69,8 +69,7 @@ class Plan(NamedTuple):
     duration: float  # s, without the standstill at its end
     excitation: tuple[Span, ...] = ()  # steady parts of an injected current
     effects: model_effects.Memory | None = None  # of the model's effects at its end; None where it has none
-    limited: int = 0  # periods in which the current against them reached its share of the limit
-    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if known
+    limited: tuple[model_effects.Limited, ...] = ()  # effects whose current reached its share of the limit
 
 
 def command_delay(setup: Setup) -> float:
@@ -118,17 +117,16 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     p, dt = model_effects.without(setup.stage, setup.file.control.unanswered), setup.dt
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
-    if not model_effects.present(p):
+    memory = model_effects.going_on(p, start.position, start.effects)
+    if not model_effects.present(p) and memory.held == 0.0:
         return model_effects.Answer()
     each = model_effects.steps(p, dt)
     t: Array = dt / each * np.arange(each * len(rows) + 1, dtype=np.float64) + command_delay(setup)
     path = np.stack(motion.at(t)[:3], axis=1) / setup.file.axis.travel_per_unit
     path[:, 0] += start.position
-    memory = model_effects.begun(p, start.position) if start.effects is None else start.effects
-    current, memory = model_effects.along(p, memory, path, dt)
-    limited = model_effects.put_into(rows, p, current, start.position)
-    named = limited and not INTERPRETED  # each effect costs two more inverses: slow without compiled kernels
-    return model_effects.Answer(memory, limited, model_effects.largest(p, path, dt) if named else ("", 0.0))
+    current, answer = model_effects.along(p, memory, path, dt)
+    model_effects.put_into(rows, p, current, start.position)
+    return answer
 
 
 def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:

@@ -45,6 +45,7 @@ VERBS = {
         "parameters",
         "fault",
     ),
+    "effects": ("effects",),
     "scope": ("scope", "record"),
     "installation": ("doctor", "service"),
     "faults": ("inject", "selftest"),
@@ -61,7 +62,7 @@ PANELS = {
     "Recordings": ("report", "replay", "export", "import"),
     "Identify": ("identify",),
     "Diagnose": ("gap",),
-    "Service": (*VERBS["service"], *VERBS["scope"], "inject", "service", "doctor"),
+    "Service": (*VERBS["service"], *VERBS["effects"], *VERBS["scope"], "inject", "service", "doctor"),
     "Drive": ("commission", "drive", "virtual-drive", "selftest"),
 }
 START = """\

@@ -159,7 +159,7 @@ def summary(result: dict[str, Any]) -> str:
         late = f"{result['late_cycles']} of {result['cycles']} cycles were late"
         lines.append(f"{late}: `stagectl doctor STAGE.yaml` says what this computer lacks")
     if limited := result["effects_limited_cycles"]:
-        lines.append(f"the current against the model's effects reached half of drive.current_limit in {limited} cycles")
+        lines.append(f"the current against the model's effects was limited to its share in {limited} cycles")
     if result["saturated_cycles"]:
         lines.append(f"the current limit was reached in {result['saturated_cycles']} cycles")
     if not result["in_position"]:

@@ -9,8 +9,11 @@ the further effects demand::
 What the encoder's grating adds to the position is no force: it goes into the target, which is compared with it.
 
 Perfect tracking and the friction compensation answer the plain model, to the last bit as before; where a model has no
-further effect the difference is zero.  What is demanded at rest, before the motion, is left to the
+further effect the difference is zero.  What is demanded at rest, before the first motion, is left to the
 feedback, which holds it already.
+
+A wrong value must not do harm.  Each effect has its share of the current limit, all together have another.  A motion
+begins with the current that holds since the last one; where the model has changed in between, the difference fades.
 """
 
 from __future__ import annotations
@@ -21,9 +24,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.compensation.constants import EFFECTS_SHARE, INVERSE_STEPS
+from stagectl.compensation.constants import EFFECT_SHARE, EFFECTS_SHARE, FADE_TIME, INVERSE_STEPS, ROUNDING
 from stagectl.kernels import effects, equilibrium, friction, inverse, plant_with_effects, stage, transmission
 from stagectl.kernels.fields import get, put
+from stagectl.kernels.jit import states
 from stagectl.kernels.law import SETPOINT_COLUMNS
 
 Array = NDArray[np.float64]
@@ -34,20 +38,34 @@ class Memory(NamedTuple):
 
     whole: stage.State
     plain: stage.State
-    at_rest: float  # A, what was demanded before the first motion
+    origin: float  # rad | m, where the axis stood before the first motion
+    held: float = 0.0  # A, the current at the end of the last motion, which holds since
 
     def copy(self) -> Memory:
-        """One of its own to move on."""
-        whole, plain = (x._replace(stops=x.stops.copy()) for x in (self.whole, self.plain))
-        return Memory(whole, plain, self.at_rest)
+        """One of its own to move on, for the kernels of this process: another may have interpreted its own."""
+        return self._replace(whole=_copied(self.whole), plain=_copied(self.plain))
+
+
+def _copied(x: stage.State) -> stage.State:
+    stops = states(len(x.stops))
+    stops[:] = x.stops
+    return x._replace(stops=stops)
+
+
+class Limited(NamedTuple):
+    """An effect that demands more than its share of the current limit."""
+
+    place: str  # dotted; empty: all effects together
+    demanded: float  # A, its largest current
+    most: float  # A, what it may take
+    periods: int  # in which it is limited
 
 
 class Answer(NamedTuple):
     """What the current against the effects of a motion came to."""
 
     memory: Memory | None = None  # at the motion's end; None where the model has no effects
-    limited: int = 0  # periods in which it reached its share of the limit
-    largest: tuple[str, float] = ("", 0.0)  # place of the effect that demands the most and its current (A), if known
+    limited: tuple[Limited, ...] = ()
 
 
 def present(p: stage.Stage) -> bool:
@@ -63,33 +81,15 @@ def mapped(p: stage.Stage) -> bool:
     return p.encoder[2:] != plain(p).encoder[2:]
 
 
-def put_into(rows: Array, p: stage.Stage, current: Array, place: float) -> int:
-    """Add `current` (n,) A within its share of the limit, and the encoder's map, to setpoints `rows` (n, 8).
+def put_into(rows: Array, p: stage.Stage, current: Array, place: float) -> None:
+    """Add `current` (n,) A, and the encoder's map, to setpoints `rows` (n, 8).
 
-    The axis begins where its encoder reads `place` (rad | m).  Returns in how many periods the current was limited.
+    The axis begins where its encoder reads `place` (rad | m).
     """
-    most = EFFECTS_SHARE * p.drive.current_limit
-    rows[:, SETPOINT_COLUMNS["friction"]] += np.clip(current, -most, most)
+    rows[:, SETPOINT_COLUMNS["friction"]] += current
     if mapped(p):
         target = SETPOINT_COLUMNS["target"]
         rows[:, target] += read_beside(p, place, rows[:, target])
-    return int(np.sum(np.abs(current) > most))
-
-
-def largest(p: stage.Stage, motion: Array, dt: float) -> tuple[str, float]:
-    """Dotted place of the effect that demands the largest current along `motion` on its own, and that current (A).
-
-    `motion` and `dt` as in `along`; the axis begins at rest.
-    """
-    known, each, demanded = plain(p), steps(p, dt), dict[str, float]()
-    groups = (("drive", p.drive), ("motor", p.motor), ("mechanics", p.mechanics), ("friction", p.friction))
-    for place in ("residual", *(f"{name}.{field}" for name, group in groups for field in group._fields)):
-        if (value := get(p, place)) != get(known, place):
-            alone = put(known, place, value)
-            memory = begun(alone, float(motion[0, 0]))
-            further, _ = _further((alone, known), memory, motion, (dt / each, each))
-            demanded[place] = float(np.abs(further - memory.at_rest).max())
-    return max(demanded.items(), key=lambda item: item[1])
 
 
 def read_beside(p: stage.Stage, place: float, way: Array) -> Array:
@@ -127,31 +127,99 @@ def steps(p: stage.Stage, dt: float) -> int:
 
 def begun(p: stage.Stage, position: float) -> Memory:
     """The memory of an axis that stands at `position` (rad | m) and has not moved yet."""
-    known = plain(p)
-    memory = Memory(stage.at_rest(p, position), stage.at_rest(known, position), 0.0)
-    further, _ = _further((p, known), memory.copy(), np.array([[position, 0.0, 0.0]]), (1.0, 1))
-    return memory._replace(at_rest=float(further[0]))
+    return Memory(stage.at_rest(p, position), stage.at_rest(plain(p), position), position)
 
 
-def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Array, Memory]:
-    """Current (n,) A of each control period `dt` (s), and the memory at the motion's end.
+def going_on(p: stage.Stage, position: float, left: Memory | None) -> Memory:
+    """The memory of an axis that stands at `position` (rad | m): what the last motion `left`, if it ended there."""
+    if left is None or abs(left.whole.position - position) > p.encoder.step + ROUNDING * (1.0 + abs(position)):
+        return begun(p, position)
+    return left
+
+
+def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Array, Answer]:
+    """Current (n,) A of each control period `dt` (s), within the limits, and what it came to.
 
     `motion` (n `steps` + 1, 3) is position, velocity and acceleration (axis units) at the times in which the current
     acts, from the beginning of the first period to the end of the last.
     """
-    each = steps(p, dt)
-    further, at_end = _further((p, plain(p)), memory, motion, (dt / each, each))
-    further -= memory.at_rest
-    return (0.5 * (further[1:] + further[:-1])).reshape(-1, each).mean(axis=1), at_end
+    each, known = steps(p, dt), plain(p)
+    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin)
+    begins = memory.copy().plain
+    current, whole = way.demanded(p, memory.whole)
+    without, plain_end = way.demanded(known, memory.plain)
+    current -= without
+    limited = _within_shares(p, way, begins, without, current)
+    most = EFFECTS_SHARE * p.drive.current_limit
+    limited += _limited("", current, most)
+    np.clip(current, -most, most, out=current)
+    held = float(current[-1])
+    periods = current[1:] + _fading(memory.held - float(current[0]), len(current) - 1, dt)
+    return periods, Answer(Memory(whole, plain_end, memory.origin, held), limited)
 
 
-def _further(
-    models: tuple[stage.Stage, stage.Stage], memory: Memory, motion: Array, steps: tuple[float, int]
-) -> tuple[Array, Memory]:
-    """Current (n,) A that the whole of the `models` demands beyond the plain one; the memory at the motion's end."""
-    motion = np.ascontiguousarray(motion)
-    whole, known = np.empty((2, len(motion)))
-    whole_end, known_end = (
-        inverse.along(p, x, motion, steps, out) for p, x, out in zip(models, memory[:2], (whole, known), strict=True)
-    )
-    return whole - known, Memory(whole_end, known_end, memory.at_rest)
+class _Way(NamedTuple):
+    """A motion that models are inverted along."""
+
+    plain: stage.Stage
+    motion: Array  # (n `steps[1]` + 1, 3)
+    steps: tuple[float, int]  # as in `inverse.along`
+    origin: float  # rad | m, where what is demanded at rest is left to the feedback
+
+    def demanded(self, p: stage.Stage, x: stage.State) -> tuple[Array, stage.State]:
+        """Current (n + 1,) A at rest and in each period, beyond that at rest at the origin; the state at the end."""
+        at_origin, begins = _resting(p, stage.at_rest(p, self.origin)), _resting(p, x)
+        out = np.empty(len(self.motion))
+        end = inverse.along(p, x, self.motion, self.steps, out)
+        means = (0.5 * (out[1:] + out[:-1])).reshape(-1, self.steps[1]).mean(axis=1)
+        return np.concatenate([[begins], means]) - at_origin, end
+
+
+def _resting(p: stage.Stage, x: stage.State) -> float:
+    """Current (A) that holds the axis at rest where it is; its state `x` stays."""
+    out = np.empty(1)
+    inverse.along(p, _copied(x), np.array([[x.position, 0.0, 0.0]]), (1.0, 1), out)
+    return float(out[0])
+
+
+def _within_shares(
+    p: stage.Stage, way: _Way, begins: stage.State, without: Array, current: Array
+) -> tuple[Limited, ...]:
+    """Take from `current` (n + 1,) A, in place, what an effect demands on its own beyond its share of the limit.
+
+    `without` (n + 1,) A is what the plain model demands; it `begins` in this state.  Where all effects together stay
+    within the share of one, none is limited, and none is looked at: each one costs an inverse.
+    """
+    most, limited = EFFECT_SHARE * p.drive.current_limit, list[Limited]()
+    if float(np.abs(current).max()) <= most:
+        return ()
+    for place in places(p):
+        alone = put(way.plain, place, get(p, place))
+        rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
+        own, _ = way.demanded(alone, stage.at_rest(alone, begins.position)._replace(**rubbing))
+        own -= without
+        current -= own - np.clip(own, -most, most)
+        limited += _limited(place, own, most)
+    return tuple(limited)
+
+
+def places(p: stage.Stage) -> list[str]:
+    """Dotted places of the fields that hold an effect which a current answers."""
+    known, groups = plain(p), (("drive", p.drive), ("motor", p.motor), ("mechanics", p.mechanics),
+                               ("friction", p.friction))  # fmt: skip
+    every = ("residual", *(f"{name}.{field}" for name, group in groups for field in group._fields))
+    return [place for place in every if get(p, place) != get(known, place)]
+
+
+def _limited(place: str, current: Array, most: float) -> tuple[Limited, ...]:
+    """The record of a `current` (n + 1,) A beyond `most` (A); none where it is not."""
+    largest = np.abs(current[1:])
+    periods = int(np.sum(largest > most))
+    return (Limited(place, float(largest.max()), most, periods),) if periods else ()
+
+
+def _fading(step: float, count: int, dt: float) -> Array:
+    """`step` (A) that fades away: `count` periods of `dt` (s) of a half wave of the cosine."""
+    t: Array = np.minimum(dt * np.arange(count, dtype=np.float64) / FADE_TIME, 1.0)
+    faded: Array = 0.5 * step * (1.0 + np.cos(np.pi * t))
+    return faded

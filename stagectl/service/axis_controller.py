@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from typing import Any, NamedTuple, get_type_hints
 
 from stagectl import design
+from stagectl.compensation import model_effects
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.friction import relaxed
@@ -19,7 +21,7 @@ from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.service.axis_status import Shown
 from stagectl.service.job_from_stage import CALM, calm, orders
-from stagectl.service.planning import Motion, Task, Upload
+from stagectl.service.planning import Motion, Task, Upload, leaving
 from stagectl.trajectories import Dwell, Experiment, SCurve
 from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
 
@@ -155,6 +157,27 @@ class AxisController:
         start = Start(stops=relaxed(feedforward.friction)) if self._left is None else self._left
         start = start._replace(position=here if math.isfinite(here) else 0.0)
         return Task(name, self._from_here(), feedforward, start, trajectory)
+
+    def effects(self) -> dict[str, bool]:
+        """The model's effects by dotted place: whether a current answers each; empty without the layer `effects`."""
+        if not self.controller.feedforward.with_effects:
+            return {}
+        known = self.setup.stage
+        answered = model_effects.places(model_effects.without(known, self.setup.file.control.unanswered))
+        return {place: place in answered for place in model_effects.places(known)}
+
+    def known(self, places: Sequence[str]) -> tuple[str, ...]:
+        """The same `places`.  Raises ServiceError where one is not of an effect."""
+        effects = self.effects()
+        for place in places:
+            if place not in effects:
+                there = ", ".join(effects) or "none"
+                raise ServiceError(f"{self.name}: no effect {place} that a current answers; there are: {there}")
+        return tuple(places)
+
+    def leave(self, places: Sequence[str]) -> None:
+        """Leave these effects to the feedback from the next motion on.  Raises ServiceError."""
+        self.setup = leaving(self.setup, self.known(places))
 
     def rehearsal(self) -> Task:
         """A task that takes what each motion of this axis takes, and goes nowhere."""

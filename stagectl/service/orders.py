@@ -82,6 +82,7 @@ class OrderHandler:
             await self.service.order(axis, Order(Event.HOME))
             if not await self.service.settle(axis) or not axis.status.homed:
                 raise ServiceError(f"{axis.name}: not homed: {axis.board.words or 'it was stopped'}")
+            axis.finished(False)  # it stands where no plan has left it: nothing is known of its friction
 
     async def move(
         self, to: dict[str, str], by: dict[str, str], pace: tuple[str | None, str | None], wait: bool
@@ -105,6 +106,7 @@ class OrderHandler:
         axes = self.service.chosen(name)
         if len(axes) != 1:
             raise ServiceError(f"the trajectory must name its axis; the axes are: {', '.join(self.service.axes)}")
+        axes[0].known(upload.unanswered)
         await self._run([(axes[0], partial(axes[0].task, called, upload))], wait)
 
     async def begin(self, axis: AxisController, layout: Layout) -> None:
@@ -117,6 +119,15 @@ class OrderHandler:
             gains = await asyncio.to_thread(axis.changed, values)
             await self.service.order(axis, gains.order)
             axis.adopt(gains)
+
+    def leave(self, name: str, places: Sequence[str]) -> None:
+        """Leave effects of an axis to the feedback, as their compensation makes the error grow."""
+        axis = self.service.axis(name)
+        axis.leave(places)
+        self.service.say(
+            f"{axis.name}: from the next motion on the feedback alone answers {', '.join(places)}; "
+            f"`control.unanswered` in {axis.setup.path} keeps it so after a restart"
+        )
 
     async def _connect(self, axis: AxisController, event: Event) -> None:
         await self.service.order(axis, Order(event))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.compensation.constants import EFFECTS_SHARE
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels.feedforward import Feedforward
@@ -26,6 +25,7 @@ class Upload(NamedTuple):
 
     yaml: str
     tables: Mapping[str, str]
+    unanswered: tuple[str, ...] = ()  # dotted places of effects that this motion leaves to the feedback
 
 
 class Task(NamedTuple):
@@ -63,26 +63,35 @@ def laid_out(task: Task) -> Motion:
 
 def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
     """The motion, and apart from it its rows (n, 8)."""
-    trajectory = task.trajectory
+    trajectory, setup = task.trajectory, task.setup
     if isinstance(trajectory, Upload):
-        trajectory = load_trajectory(_PLACE, axis_of(task.setup), trajectory.yaml, trajectory.tables)
-    check_duration(phases(trajectory).duration, task.setup.dt, PLANNED_ROWS)
+        setup = leaving(setup, trajectory.unanswered)
+        trajectory = load_trajectory(_PLACE, axis_of(setup), trajectory.yaml, trajectory.tables)
+    check_duration(phases(trajectory).duration, setup.dt, PLANNED_ROWS)
     start = task.start.copy()
-    laid_out = plan(task.setup, trajectory, task.feedforward, start)
+    laid_out = plan(setup, trajectory, task.feedforward, start)
     rows = np.ascontiguousarray(laid_out.setpoints)
     span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
     left = start._replace(effects=laid_out.effects)
     return Motion(task.name, b"", len(rows), span, left, _limited(task, laid_out)), rows
 
 
+def leaving(setup: Setup, places: Sequence[str]) -> Setup:
+    """The set-up that leaves the effects at these dotted `places`, too, to the feedback."""
+    control = setup.file.control
+    return setup.having(control=control._replace(unanswered=tuple(dict.fromkeys((*control.unanswered, *places)))))
+
+
 def _limited(task: Task, laid_out: Plan) -> str:
-    """That the current against the model's effects was limited, in words; empty where it was not."""
+    """Which effect's current was limited, in words; empty where none was."""
     if not laid_out.limited:
         return ""
-    most, (place, current) = EFFECTS_SHARE * task.setup.stage.drive.current_limit, laid_out.largest
-    named = f" {place} demands the most, {current:.3g} A on its own: check its value;" if place else ""
+    each = "; ".join(
+        f"{one.place or 'all effects together'} would take up to {one.demanded:.3g} A and gets {one.most:.3g} A, in "
+        f"{one.periods} of {len(laid_out.setpoints)} periods"
+        for one in laid_out.limited
+    )
     return (
-        f"{task.name}: the current against the model's effects is limited to {most:.3g} A in {laid_out.limited} of "
-        f"{len(laid_out.setpoints)} periods; the feedback takes the rest.{named} "
-        f"`stagectl gap close {task.setup.path}` tells what each effect is worth"
+        f"{task.name}: the current against the model's effects is limited: {each}. The feedback takes the rest; check "
+        f"the values: `stagectl gap close {task.setup.path}` tells what each effect is worth"
     )

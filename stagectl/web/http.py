@@ -26,10 +26,11 @@ from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
 from stagectl.web.bodies import for_client
-from stagectl.web.limits import AXES, AXIS_NAME, FILE_NAME, GAINS, LARGEST_NUMBER, QUANTITY, TABLES
+from stagectl.web.limits import AXES, AXIS_NAME, EFFECTS, FILE_NAME, GAINS, LARGEST_NUMBER, PLACE, QUANTITY, TABLES
 
 AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
 NamedAxis = Annotated[str, Field(max_length=AXIS_NAME)]  # a constrained key is looked at: it must be text
+NamedPlace = Annotated[str, Field(max_length=PLACE, examples=["motor.cogging"])]
 Length = Annotated[str, Field(max_length=QUANTITY, examples=["10 mm"], description="With its unit.")]
 
 
@@ -120,6 +121,16 @@ class Upload(Strict):
     )
     axis: NamedAxis = ""
     wait: bool = True
+    unanswered: list[NamedPlace] = Field(
+        default_factory=list, max_length=EFFECTS, description="Effects that this motion leaves to the feedback."
+    )
+
+
+class Effects(Strict):
+    """Effects of one axis that the feedback alone answers from the next motion on, by the names of the list."""
+
+    unanswered: list[NamedPlace] = Field(max_length=EFFECTS)
+    axis: NamedAxis = ""
 
 
 class Parameters(Strict):
@@ -200,6 +211,11 @@ def _reading(app: FastAPI, service: Service) -> None:
         """The numbers of `control` by axis, SI."""
         return {name: axis.parameters() for name, axis in service.axes.items()}
 
+    @app.get("/v1/effects", response_model=dict[str, dict[str, bool]])
+    async def effects() -> dict[str, dict[str, bool]]:
+        """Effects of the model by axis: whether a current answers each."""
+        return {name: axis.effects() for name, axis in service.axes.items()}
+
 
 def _moving(app: FastAPI, orders: OrderHandler) -> None:
     def verb(path: str, order: Callable[[list[AxisController]], Awaitable[None]]) -> None:
@@ -234,9 +250,15 @@ def _moving(app: FastAPI, orders: OrderHandler) -> None:
     @app.post("/v1/trajectory", response_model=Machine, responses=_REFUSALS)
     async def trajectory(body: Upload, request: Request) -> dict[str, Any]:
         """Run a trajectory file from where the axis stands; a client that goes before it begins calls it off."""
-        upload = planning.Upload(body.yaml, body.tables)
+        upload = planning.Upload(body.yaml, body.tables, tuple(body.unanswered))
         await for_client(request, orders.trajectory(body.axis, body.name, upload, body.wait))
         return orders.service.machine_json()
+
+    @app.patch("/v1/effects", response_model=dict[str, bool], responses=_REFUSALS)
+    async def leave(body: Effects) -> dict[str, bool]:
+        """Leave effects to the feedback from the next motion on, as their compensation makes the error grow."""
+        orders.leave(body.axis, body.unanswered)
+        return orders.service.axis(body.axis).effects()
 
     @app.patch("/v1/parameters", response_model=Machine, responses=_REFUSALS)
     async def change(body: Parameters) -> dict[str, Any]:

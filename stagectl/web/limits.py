@@ -15,7 +15,8 @@ CONNECTION_TIME = 10.0  # s until the live connection of a program is open
 # Requests (`http`, `routes`, `viewer`).  Longer texts are refused before they are parsed.
 AXIS_NAME, CHANNEL_NAME, PATH_PART = 64, 64, 100  # characters
 QUANTITY, LEVEL, FILE_NAME = 80, 40, 80  # characters: a value with its unit, a trigger's level, a recording's name
-AXES, TABLES, GAINS = 16, 16, 32  # entries of one request
+AXES, TABLES, GAINS, EFFECTS = 16, 16, 32, 64  # entries of one request
+PLACE = 64  # characters of an effect's place in the model
 REACHED_BACK = 3600.0  # s before now that a recording may begin with
 RECORDED = 3600.0  # s that a recording takes where the request does not say
 

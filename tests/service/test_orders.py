@@ -107,9 +107,8 @@ def test_a_stop_ends_a_motion_that_is_still_being_laid_out(bench: Bench) -> None
 
 
 def test_the_service_says_that_the_current_against_an_effect_is_limited(ball_screw: Setup, tmp_path: Path) -> None:
-    """Its planner is interpreted here, so it does not name the effect."""
     p = ball_screw.stage
     cogging = p.motor.cogging._replace(amplitude=0.7 * p.drive.current_limit * p.motor.force_constant, order=4.0)
     bench = Bench(ball_screw._replace(stage=p._replace(motor=p.motor._replace(cogging=cogging))), tmp_path)
     outcome = bench.serve(bench.move("3 mm"))
-    assert any(line.startswith("axis: move: ") and "effects is limited to" in line for line in bench.said), outcome
+    assert any(line.startswith("axis: move: ") and "motor.cogging would take" in line for line in bench.said), outcome

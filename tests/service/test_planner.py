@@ -48,7 +48,7 @@ def test_it_lays_out_what_is_laid_out_here(planner: Planner, axis: AxisControlle
 
 
 def test_it_says_which_effect_demands_more_current_than_it_gets(axis: AxisController) -> None:
-    """Both of the model's effects count; the larger one is named, with its own current and what to do."""
+    """The effect is named, with its own current, what it gets, and what to do; the other one is not limited."""
     setup, upload = axis.setup, Upload(SINE % 1, {})
     assert laid_out(axis.task("motion", upload)).limited == ""
     p = setup.stage
@@ -56,8 +56,8 @@ def test_it_says_which_effect_demands_more_current_than_it_gets(axis: AxisContro
     mechanics = p.mechanics._replace(viscous_asymmetry=0.2)
     strong = setup._replace(stage=p._replace(motor=p.motor._replace(cogging=cogging), mechanics=mechanics))
     words = laid_out(AxisController("axis", strong).task("motion", upload)).limited
-    assert f"limited to {0.5 * p.drive.current_limit:.3g} A" in words and "`stagectl gap close" in words
-    assert "motor.cogging demands the most" in words and f"{0.6 * p.drive.current_limit:.2g}" in words
+    assert "motor.cogging would take up to" in words and f"gets {0.3 * p.drive.current_limit:.3g} A" in words
+    assert "viscous_asymmetry" not in words and "together" not in words and "`stagectl gap close" in words
     weak = strong._replace(stage=p._replace(mechanics=mechanics))
     assert laid_out(AxisController("axis", weak).task("motion", upload)).limited == ""
 
