@@ -119,3 +119,29 @@ def test_fold_sums_are_the_sums_of_the_half_strokes_of_each_fold(repeats: int) -
         np.testing.assert_allclose(
             folds, [strokes[first].sum(axis=0), strokes[~first].sum(axis=0)], rtol=1e-12, atol=1e-12
         )
+
+
+def test_a_drift_that_a_column_on_the_clock_explains_is_no_noise() -> None:
+    source = np.random.default_rng(11)
+    runs = [_run(source), _run(source)]
+    x = [_columns(source) for _ in runs]
+    p = gram_matrices.products(runs, x, "own")
+    noise = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)] for _ in runs]
+    drift = [
+        [r + 9.0 * warm for r, warm in zip(repeats, columns["warm"], strict=True)]
+        for repeats, columns in zip(noise, x, strict=True)
+    ]
+    same = [[repeats[0]] * REPEATS for repeats in noise]
+    plain, drifting = gram_matrices.noise(p, noise), gram_matrices.noise(p, drift)
+    np.testing.assert_allclose(drifting, plain, rtol=1e-3)  # columns of a drift are kept in double precision
+    assert (drifting < 0.2 * gram_matrices.fold_sums(p, drift).floor.sum(axis=0)).all()
+    np.testing.assert_allclose(gram_matrices.noise(p, same), 0.0, atol=1e-9)
+
+
+def test_without_a_clock_the_noise_is_what_repeats_differ_by() -> None:
+    source = np.random.default_rng(12)
+    run, x = _run(source), _columns(source)
+    p = gram_matrices.products([run], [{name: x[name] for name in ("own", *SHARED)}], "own")
+    residuals = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)]]
+    floor = gram_matrices.fold_sums(p, residuals).floor.sum(axis=0)
+    np.testing.assert_allclose(gram_matrices.noise(p, residuals), floor)

@@ -27,6 +27,7 @@ from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options, draw
 
 STRATA = ("null", "single-1", "single-2", "single-4", "pair", "left-out", "alien")
+ABSENT = ("left-out", "alien")  # effects that no answer can name
 BINS = (0.0, 0.3, 0.5, 0.7, 0.95, 1.0 + 1e-9)
 HERE = Path(__file__).parents[2]
 
@@ -35,7 +36,6 @@ class Scored(NamedTuple):
     """One machine against one answer."""
 
     stratum: str
-    squares: float  # of probability less truth, summed over the entries
     pairs: tuple[tuple[float, float], ...]  # probability, 1 where it is so
     wrong: tuple[str, ...]  # effects that are named and not there
     hits: tuple[bool, ...]  # of the hidden effects
@@ -92,7 +92,7 @@ def answered(place: Path, trial: Planned, name: str, tree: Path) -> dict[str, An
 
 def scored(trial: Planned, place: Path, answer: dict[str, Any]) -> Scored:
     """The answer against what was hidden."""
-    told = json.loads((place / "sealed" / "truth.json").read_text(encoding="utf-8"))
+    told = json.loads((place / "sealed" / "truth.json").read_text(encoding="utf-8")) | {"stratum": trial.stratum}
     truth, entries = rules.truth_of(told), rules.entries(answer)
     named = [entry for entry in entries if entry.probability >= rules.NAMED]
     true = rules.any_same((*truth.hidden, *truth.companions, *truth.offsets), truth.poor)
@@ -101,7 +101,6 @@ def scored(trial: Planned, place: Path, answer: dict[str, Any]) -> Scored:
     right = {block for effect in told["effects"] for block in rules.BLOCKS[effect["seen_in"]]}
     return Scored(
         trial.stratum,
-        sum((p - y) ** 2 for p, y in pairs),
         pairs,
         tuple(entry.name for entry in named if not entry.parameter and entry.name not in true),
         tuple(rules.found(truth, rules.considered(truth, named))) if truth.nameable else (),
@@ -123,18 +122,20 @@ def show(name: str, rows: Sequence[Scored]) -> None:
     """One version's figures."""
     hits = [hit for row in rows for hit in row.hits]
     nulls = [row for row in rows if row.stratum.startswith("null")]
-    absent = [row for row in rows if row.stratum in ("left-out", "alien")]
+    absent = [row for row in rows if row.stratum in ABSENT]
+    present = [row for row in rows if row.stratum not in ABSENT]
     blocks = [row.block for row in rows if row.block is not None]
     intervals = [inside for row in rows for inside in row.intervals]
     pairs = np.array([pair for row in rows for pair in row.pairs]).reshape(-1, 2)
-    machine, each = np.mean([row.squares for row in rows]), np.mean((pairs[:, 0] - pairs[:, 1]) ** 2)
-    print(
-        f"\n{name}: {len(rows)} machines, Brier score {machine:.3f} a machine, {each:.3f} a probability of {len(pairs)}"
-    )
+    errors = [[(p - y) ** 2 for p, y in row.pairs] for row in rows]
+    machine, exam = np.mean([sum(each) for each in errors]), np.mean([np.mean(each) for each in errors if each])
+    print(f"\n{name}: {len(rows)} machines, Brier score {exam:.3f} (mean over each answer's entries)")
+    print(f"their sum {machine:.3f} a machine, {np.mean(np.concatenate(errors)):.3f} a probability of {len(pairs)}")
     print(f"wrong names {sum(len(row.wrong) for row in rows)}")
     print(f"nulls with a wrong name {sum(bool(row.wrong) for row in nulls)} of {len(nulls)}")
     print(f"library effects found {sum(hits)} of {len(hits)}")
-    print(f"unknown said where it is {sum(row.unknown for row in absent)} of {len(absent)}")
+    print(f"unknown said where it is {sum(row.unknown for row in absent)} of {len(absent)}", end="; ")
+    print(f"elsewhere {sum(row.unknown for row in present)} of {len(present)}")
     print(f"block right {sum(blocks)} of {len(blocks)}; intervals that hold {sum(intervals)} of {len(intervals)}")
     for low, high in itertools.pairwise(BINS):
         within = pairs[(pairs[:, 0] >= low) & (pairs[:, 0] < high)]

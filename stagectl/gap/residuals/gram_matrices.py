@@ -124,6 +124,15 @@ def fold_sums(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     return Grams(p.names, square[0], square[1], floor.T, np.zeros(2, np.int64), np.array(FOLDS))
 
 
+def noise(p: Products, residuals: Sequence[Sequence[Array]]) -> Array:
+    """(2,) sum of squares that repeats differ by, without what the columns on the clock explain: no drift is noise."""
+    pairs = zip(p.parts, residuals, strict=True)
+    squares = [run_products.differences(part, repeats) for part, repeats in pairs]
+    widest = max(square.shape[1] for square in squares)  # a run without repeats has none of these columns
+    summed = np.sum([square for square in squares if square.shape[1] == widest], axis=0)
+    return np.array([least_squares.fit(cut, range(widest - 1)).residual_sum_of_squares for cut in summed])
+
+
 def tempered(g: Grams, effort: float, current: float) -> Grams:
     """`g` with the cuts counting with these powers of their likelihood."""
     return g._replace(effort=effort * g.effort, current=current * g.current)

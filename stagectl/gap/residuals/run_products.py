@@ -128,6 +128,22 @@ def residual_column(p: RunProducts, residuals: Sequence[Array]) -> ResidualColum
     return ResidualColumn(column, noise[:, :, 0, 0] * repeats / max(repeats - 1, 1), repeats)
 
 
+def differences(p: RunProducts, residuals: Sequence[Array]) -> Array:
+    """(2, q + 1, q + 1) products of what repeats differ by: of the columns on the clock, and of the residual, the last.
+
+    Scaled to the size of the repeats themselves; without repeats there are no differences.
+    """
+    clocked = () if p.clocked is None else p.clocked.places
+    square, repeats = np.zeros((2, len(clocked) + 1, len(clocked) + 1)), len(residuals)
+    if repeats < 2:
+        return square
+    rows = np.stack([p.weighted(residual) for residual in residuals])
+    last = (rows - rows.mean(axis=0))[:, :, None]
+    both = last if p.clocked is None else np.concatenate([p.clocked.deviation, last], axis=2)
+    square += _over_repeats(both, [slice(None)])[:, 0]
+    return square * (repeats / (repeats - 1))
+
+
 def fill(square: Array, p: RunProducts, last: ResidualColumn, folded: bool) -> None:
     """Write the Gram matrices (2, c, p + 1, p + 1) of the half strokes, or of the two folds, into `square`."""
     start = 0

@@ -60,7 +60,8 @@ def library_of(e: Evidence, forms: Sequence[Form], products: gram_matrices.Produ
     """The candidates `forms`, whose columns `products` hold, next to the baseline fit."""
     now = refine.start(e)
     g = gram_matrices.fold_sums(products, now.residuals)
-    return Library(tuple(forms), products, excess_of(g, _parameters(e, now, g)))
+    floor = gram_matrices.noise(products, now.residuals)
+    return Library(tuple(forms), products, excess_of(g, _parameters(e, now, g), floor))
 
 
 def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | None = None) -> Linearised:
@@ -74,7 +75,8 @@ def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | N
     tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
     nuisances = _parameters(e, now, g)
     start = _start(g, [*nuisances, usual_sizes.immaterial(library.forms, g.places)], library.excess, _strokes(e))
-    return Linearised(start, tried, forms, excess_of(g, nuisances), compare(start, tried, WIDER))
+    left = excess_of(g, nuisances, gram_matrices.noise(library.products, now.residuals))
+    return Linearised(start, tried, forms, left, compare(start, tried, WIDER))
 
 
 def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
@@ -83,7 +85,7 @@ def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
     names = [*refine.moving(e), *null_ensemble.member_names(library.products.names)]
     known = gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
     g = gram_matrices.fold_sums(known, now.residuals)
-    return excess_of(g, _parameters(e, now, g))
+    return excess_of(g, _parameters(e, now, g), gram_matrices.noise(library.products, now.residuals))
 
 
 class Errors(NamedTuple):
@@ -105,7 +107,8 @@ def errors(e: Evidence, library: Library, now: Fitted) -> Errors:
     known = gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
     g, count = gram_matrices.grams(known, now.residuals), _strokes(e)
     nuisances = _parameters(e, now, g)
-    counted = gram_matrices.tempered(g, *(temper(left, count) for left in excess_of(g, nuisances)))
+    floor = gram_matrices.noise(library.products, now.residuals)
+    counted = gram_matrices.tempered(g, *(temper(left, count) for left in excess_of(g, nuisances, floor)))
     order = [g.names[place] for prior in nuisances for place in prior.places]
     mean = np.concatenate([prior.mean for prior in nuisances])
     precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
@@ -130,12 +133,11 @@ def _parameters(e: Evidence, now: Fitted, g: Grams) -> list[Prior]:
     return [base, form, usual_sizes.of_own(now, g.places)]
 
 
-def excess_of(g: Grams, nuisances: Sequence[Prior]) -> Cuts:
-    """Sum of squares above the floor that `nuisances` leave.
+def excess_of(g: Grams, nuisances: Sequence[Prior], floor: Array) -> Cuts:
+    """Sum of squares above the `floor` (2,) that `nuisances` leave.
 
     Of the current the whole counts: the time shift belongs to the mechanics, and would hide a dead time.
     """
-    floor = g.floor.sum(axis=0)
     return _left(g.effort.sum(axis=0), nuisances) - float(floor[0]), float(g.current[:, -1, -1].sum() - floor[1])
 
 
