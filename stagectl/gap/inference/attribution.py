@@ -1,7 +1,7 @@
 """Whose the gap is: each named effect's share goes to its block and its coordinate, as the effect's record says.
 
 What the parameters of the model take is a part by itself, and what nothing explains stands as such.  Where an effect is
-named, block and coordinate are those of the effects; else those of the parameters; else those of the unexplained.
+named, block and coordinate are those of the effects; else those of the parameters or of the unexplained, of the larger.
 """
 
 from __future__ import annotations
@@ -60,12 +60,13 @@ def blocks(parts: Sequence[Part], parity: CommandCheck, measured: bool) -> dict[
 
 
 def causes_of(parts: Sequence[Part]) -> list[Part]:
-    """The named effects; where there are none the parameters; where there are none either the unexplained."""
+    """The named effects; where there are none, the parameters or the unexplained: whichever of the two is more."""
     effects = [part for part in parts if part.name not in (PARAMETERS, UNEXPLAINED)]
     if effects:
         return [part._replace(share=max(part.share, 1e-9)) for part in effects]
     of_parameters = [part for part in parts if part.name == PARAMETERS and part.share > 0.0]
-    return of_parameters or [part for part in parts if part.name == UNEXPLAINED]
+    unexplained = [part for part in parts if part.name == UNEXPLAINED]
+    return max(unexplained, of_parameters, key=lambda causes: sum(part.share for part in causes))
 
 
 def with_coordinates(parts: Sequence[Part], predicted: Sequence[Coordinate]) -> tuple[Coordinate, ...]:

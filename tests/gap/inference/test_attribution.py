@@ -59,10 +59,11 @@ def test_the_block_is_that_of_the_named_effect_however_much_the_parameters_take(
     assert shares == {"controller": 0.0, "drive": 0.0, "mechanics": 0.0, "sensor": 1.0}
 
 
-def test_without_an_effect_the_parameters_count_and_then_the_unexplained() -> None:
+def test_without_an_effect_the_parameters_count_or_the_unexplained_where_it_is_more() -> None:
     assert attribution.blocks([Part(PARAMETERS, "sensor", "none", 0.5), *REST], parity(), True)["sensor"] == 1.0
-    shares = attribution.blocks([Part(PARAMETERS, "mechanics", "none", 0.0), *REST], parity(), True)
-    assert (shares["mechanics"], shares["drive"]) == (pytest.approx(0.75), pytest.approx(0.25))
+    for taken in (0.0, 0.1):
+        shares = attribution.blocks([Part(PARAMETERS, "sensor", "none", taken), *REST], parity(), True)
+        assert (shares["mechanics"], shares["drive"]) == (pytest.approx(0.75), pytest.approx(0.25))
 
 
 def test_a_cut_that_was_impossible_has_no_share_and_a_wrong_controller_all() -> None:
