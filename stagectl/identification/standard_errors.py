@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.identification.capture import Array
-from stagectl.identification.thresholds import NOISE_LAG, STIFFEST_SCORES
+from stagectl.identification.thresholds import STIFFEST_SCORES
 
 
 def covariance(regressor: Array, residual: Array, ends: Sequence[int] | NDArray[np.int64] = ()) -> Array:
@@ -77,11 +77,3 @@ def integrated_autocorrelation(residual: Array) -> float:
     rho = correlation / correlation[0]
     negative = np.flatnonzero(rho <= 0.0)
     return float(2.0 * np.sum(rho[: negative[0] if len(negative) else len(rho)]) - 1.0)
-
-
-def noise(residual: Array) -> float:
-    """Variance of the noise in a `residual` (n,), whose slower parts cancel in second differences."""
-    if len(residual) <= 2 * NOISE_LAG:
-        return float(np.mean(residual * residual))
-    second = residual[2 * NOISE_LAG :] - 2.0 * residual[NOISE_LAG:-NOISE_LAG] + residual[: -2 * NOISE_LAG]
-    return float(np.mean(second * second)) / 6.0

@@ -170,7 +170,10 @@ SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz; chosen
 LONGEST_KNOTS = 0.03  # s; chosen
 LEAST_KNOT_ROWS = 3.0  # samples in the longest knot distance; fewer, and the sampling is to blame; chosen
 WINDOWED_NOISE = 0.01  # noise that the encoder may leave in the acceleration, relative to its rms: biases it by 1e-4
-WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one; chosen
+WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one before the noise is known; chosen
+WHITENING_ORDER, WHITENING_ROWS = 24, 20  # rows that a filter looks back at most: twice the window's; rows for each
+WINDOW_PASSES = 0.5  # of the noise's power, least that a window passes below its cut-off; what is beyond is as below
+WHITENING_RIDGE = 1e-9  # of the residual's power, white: rounding
 MOST_ROWS = 120000  # of long captures
 FORGOTTEN = 0.1  # of the stroke: travel, there and back, after which the friction has forgotten how it began
 COLUMN_RIDGE = 1e-10  # of a column's squared length: two elements that never differed share their weight
@@ -204,6 +207,7 @@ LEAST_FRICTION = 0.1  # of the rms force: the least scale of friction; smaller f
 
 # Simultaneous: search.  Chosen.
 SCALE_ROUNDS = 1  # along one group after the other, before and after the acceleration's noise is known
+INERTIA_SPAN = 10.0  # deviations of its logarithm before the data, either way; no bound, but a number
 MOST_NOISE = 0.8  # of what no other column explains of the acceleration, which may be noise
 LEAST_INERTIA = 1e-3  # of the stage file's: below it an inertia is not positive
 DELAY_SPAN = 3.0  # standard deviations of the prior, either way
@@ -212,7 +216,6 @@ DELAYS_ENOUGH = 6  # delays that are not improbable
 DELAY_ROOM = 1.5  # times the longest delay of the search: samples that are left at the ends
 DELAY_STEP = 1e-5  # s, of a derivative
 UNLIKELY, UNLIKELY_DELAY = 6.0, 12.0  # of the log evidence below the best
-NOISE_LAG = 4  # rows over which the window's noise is uncorrelated: its length in knot distances, halved
 NOISE_ROUNDS, NOISE_AGREES = 5, 0.02  # until the residual has the variance assumed; relative
 ROUGH_RESIDUAL = 0.1  # of the rms force: the residual of the rough fit that scales the friction
 FIRST_VARIANCE, LEAST_RESIDUAL = 1e-4, 1e-6  # of the force's mean square; of its rms: rounding

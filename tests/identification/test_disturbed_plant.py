@@ -48,21 +48,16 @@ def record(inertia: float, noise: float, rows: int) -> Capture:
     return Capture("disturbed", time[::per_row], seen, sine, ROW, "command", excitation=sine, encoder_step=step)
 
 
-def missed(*case: float, reason: str) -> object:
-    """A case whose interval is known to lack the inertia."""
-    return pytest.param(*case, marks=pytest.mark.xfail(strict=True, raises=AssertionError, reason=reason))
-
-
 @pytest.mark.parametrize(
     ("share", "noise", "rows"),
     [
         (1.07, 0.0, 1),
         (1.07, 0.045, 1),
         (0.8, 0.045, 1),
-        missed(1.07, 0.2, 1, reason="-3.4 +- 2.7 %: the Gram matrix keeps a part of the acceleration's noise"),
-        missed(0.8, 0.2, 1, reason="-41 +- 7 %: dense friction columns take up the noise"),
-        missed(1.07, 0.045, 4, reason="-19 +- 5 %: noise held for 2 ms is not white"),
-        missed(1.07, 0.045, 20, reason="-10 +- 8 %: noise held for 10 ms is not white"),
+        (1.07, 0.2, 1),
+        (0.8, 0.2, 1),
+        (1.07, 0.045, 4),
+        (1.07, 0.045, 20),
     ],
 )
 def test_an_interval_holds_the_inertia_whatever_disturbs_the_motor(share: float, noise: float, rows: int) -> None:

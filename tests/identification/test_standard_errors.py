@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,7 +12,6 @@ from stagectl.identification.standard_errors import (
     covariance,
     independent,
     integrated_autocorrelation,
-    noise,
     white,
 )
 
@@ -40,12 +37,6 @@ def test_the_mean_of_coloured_noise_is_known_as_well_as_theory_says(rho: float) 
     grown = (1.0 + rho) / (1.0 - rho)
     assert float((covariance(ones, values) / white(ones, values))[0, 0]) == pytest.approx(grown, rel=0.15)
     assert independent(values) == pytest.approx(ROWS / grown, rel=0.05)
-
-
-def test_the_noise_of_a_residual_is_separated_from_slower_parts() -> None:
-    """Second differences of white noise have six times its variance; a slow wave cancels."""
-    slow = 5.0 * np.sin(2.0 * math.pi * np.arange(ROWS) / 2000.0)
-    assert noise(coloured(0.0) + slow) == pytest.approx(1.0, rel=0.05)
 
 
 @pytest.mark.parametrize("rho", [0.3, 0.8])

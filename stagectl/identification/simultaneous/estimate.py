@@ -57,8 +57,9 @@ def known_delay(captures: list[Capture], file: StageFile) -> DelayPrior:
     return DelayPrior(late, max(thresholds.DELAY_PERIODS * period, thresholds.DELAY_DOUBT))
 
 
-def estimated(p: Problem, answer: Answer) -> Estimate:
+def estimated(answer: Answer) -> Estimate:
     """The parameters with their intervals of 95 %."""
+    p = answer.problem
     sums = _sums(p)
     mean, covariance = answer.moments(sums)
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -10,11 +10,15 @@ everything is linear, with a Gaussian prior: J, D from the stage file with their
 scales are chosen by evidence, and the answer is the average over delays and scales by their evidence.  So its interval
 holds what the friction law does not settle.
 
+**The noise's spectrum** is that of the residual (`whitening`): of the best law's first, then of the best fit's.  Noise
+that is slow or held weighs as little as it knows.  Above the window's cut-off nothing is whitened.
+
 **Noise in the acceleration.**  Where noise moved the axis, or the encoder's steps are seen, the residual's noise is in
 the acceleration and not in the current: then ``a`` is the answer to ``i`` and not the reverse, and the likelihood has
-the Jacobian ``n log J``.  To first order that takes ``n v`` from the acceleration's square, ``v = (r^2 - s^2) / J^2``,
-with ``r^2`` the noise of the residual and ``s^2`` the current sensor's share of it (bias-eliminating least squares;
-T. Soederstrom, Errors-in-Variables Methods in System Identification, Springer 2018).
+the Jacobian ``n log J``.  To first order that takes ``n v`` from the square of the whitened acceleration,
+``v = (r^2 - s^2) / J^2``, with ``r^2`` the square of the whitened residual and ``s^2`` the current sensor's share of it
+(bias-eliminating least squares; T. Soederstrom, Errors-in-Variables Methods in System Identification, Springer 2018).
+Delays and scales are compared with the variance that each of them leaves.
 
 **Temper.**  Rows are worth less than their number: the window correlates neighbours, and what the columns leave of the
 true law repeats in every stroke.  With a residual of variance ``s^2`` of which the share ``f`` is such an error, n rows
@@ -26,7 +30,6 @@ a reference nor an injected current, a controller is taken to have moved the axi
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -34,11 +37,11 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from stagectl import gaussian_evidence as gaussian
-from stagectl.identification import standard_errors, thresholds
+from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous import temper
 from stagectl.identification.simultaneous.model import Forces, Problem, Scales
-from stagectl.identification.simultaneous.regressors import ACCELERATION, current_noise
+from stagectl.identification.simultaneous.regressors import ACCELERATION
 
 
 class Fit(NamedTuple):
@@ -59,6 +62,7 @@ class Fit(NamedTuple):
 class Answer(NamedTuple):
     """The average over delays and scales."""
 
+    problem: Problem
     fits: list[Fit]
     weights: list[Array]  # (k,) of each fit; they sum to 1
     worth: float  # rows that count as one
@@ -84,12 +88,14 @@ class Answer(NamedTuple):
 def answered(p: Problem) -> Answer:
     """The posterior of all that is not known, and the problem without the noise in its acceleration."""
     forces = p.forces(p.delay.nodes)
-    simplest = _settled(p, forces, thresholds.FIRST_SCALES, _rough_variance(p, forces))
-    first = _most_probable(_searched(_without_noise(p, simplest, forces), forces))
-    p = _without_noise(p, first, forces)
+    p = _without_noise(p, forces, thresholds.FIRST_SCALES)
+    first = _most_probable(_searched(p, forces))
+    p = p.whitened(p.noise(_residual(p, first, forces)))
+    forces = p.forces(p.delay.nodes)
+    p = _without_noise(p, forces, first.scales)
     fits = _searched(p, forces)
     best = _most_probable(fits)
-    residual = _residual(p, best, forces)
+    residual = p.whitening(_residual(p, best, forces))
     share = temper.form_share(p, residual, best.variance, float(best.known.mean[ACCELERATION, best.best]))
     worth = temper.worth(residual, share)
     likely = [fit for fit in fits if fit.log_weight.max() > best.log_weight.max() - thresholds.UNLIKELY]
@@ -102,7 +108,7 @@ def answered(p: Problem) -> Answer:
     top = max(float(fit.log_weight.max()) for fit in fits)
     weights = [np.exp(fit.log_weight - top) for fit in fits]
     total = float(sum(weight.sum() for weight in weights))
-    return Answer(fits, [weight / total for weight in weights], worth, share)
+    return Answer(p, fits, [weight / total for weight in weights], worth, share)
 
 
 def _most_probable(fits: list[Fit]) -> Fit:
@@ -114,16 +120,23 @@ def _residual(p: Problem, fit: Fit, forces: Forces) -> Array:
     return np.asarray(forces.rows[:, fit.best] - p.columns @ fit.known.mean[:, fit.best], dtype=np.float64)
 
 
-def _without_noise(p: Problem, fit: Fit, forces: Forces) -> Problem:
+def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
     """The problem without the noise of its acceleration, as far as the motion still determines the inertia."""
-    residual = _residual(p, fit, forces)
-    sensed = p.file.motor.force_constant**2 * current_noise(p.parts)
-    inertia = float(fit.known.mean[ACCELERATION, fit.best])
-    seen = max(standard_errors.noise(residual) - sensed, 0.0)
-    noise = min(len(residual) * seen / inertia**2, thresholds.MOST_NOISE * _alone(p.gram, ACCELERATION))
-    gram = p.gram.copy()
-    gram[ACCELERATION, ACCELERATION] -= noise
-    return p._replace(gram=gram, acceleration_noise=noise, moved_share=min(seen / fit.variance, 1.0))
+    full, sensed = p.gram, p.sensed(p.whitening.weights)
+    most = thresholds.MOST_NOISE * _alone(full, ACCELERATION)
+    for _ in range(thresholds.NOISE_ROUNDS):
+        fit = _settled(p, forces, scales, _rough_variance(p, forces))
+        inertia = max(
+            float(fit.known.mean[ACCELERATION, fit.best]), thresholds.LEAST_INERTIA * p.file.mechanics.inertia
+        )
+        moved = max(fit.variance - sensed, 0.0)
+        noise, gram = min(len(p.white) * moved / inertia**2, most), full.copy()
+        agrees = abs(noise - p.acceleration_noise) <= thresholds.NOISE_AGREES * noise
+        gram[ACCELERATION, ACCELERATION] -= noise
+        p = p._replace(gram=gram, acceleration_noise=noise, moved_share=min(moved / fit.variance, 1.0))
+        if agrees:
+            break
+    return p
 
 
 def _alone(gram: Array, place: int) -> float:
@@ -134,16 +147,21 @@ def _alone(gram: Array, place: int) -> float:
 
 
 def _fit(p: Problem, forces: Forces, scales: Scales, worth: float, variance: float) -> Fit:
-    rows = len(p.columns)
-    power = 1.0 / (worth * variance)
+    independent, power = len(p.white) / worth, 1.0 / (worth * variance)
     known = gaussian.posteriors(
         gaussian.Sums(power * p.gram, power * forces.right, power * forces.square), p.prior(scales)
     )
     inertia = np.maximum(known.mean[ACCELERATION], thresholds.LEAST_INERTIA * p.file.mechanics.inertia)
-    jacobian = rows / worth * p.moved_share * np.log(inertia) - 0.5 * power * p.acceleration_noise * inertia**2
-    log_weight = known.log_evidence - 0.5 * rows / worth * math.log(variance) + jacobian
+    square = np.maximum(p.residual_square(known.mean, forces), _least_square(forces))
+    log_weight = known.log_evidence + 0.5 * power * (square - p.acceleration_noise * inertia**2)
+    log_weight += independent * (p.moved_share * np.log(inertia) - 0.5 * np.log(square))
     log_weight += p.delay.log_density(forces.delays)
     return Fit(scales, forces.delays, known, log_weight, variance)
+
+
+def _least_square(forces: Forces) -> Array:
+    """Sum of squares (k,) that rounding leaves."""
+    return thresholds.LEAST_RESIDUAL**2 * forces.square
 
 
 def _searched(p: Problem, forces: Forces) -> list[Fit]:
@@ -167,17 +185,15 @@ def _searched(p: Problem, forces: Forces) -> list[Fit]:
 
 def _rough_variance(p: Problem, forces: Forces) -> float:
     """Variance of the residual that the iterations begin with."""
-    return thresholds.FIRST_VARIANCE * float(forces.square.mean()) / len(p.columns)
+    return thresholds.FIRST_VARIANCE * float(forces.square.mean()) / len(p.white)
 
 
 def _settled(p: Problem, forces: Forces, scales: Scales, variance: float) -> Fit:
     """The fit whose residual has the variance that it assumes."""
     for _ in range(thresholds.NOISE_ROUNDS):
         fit = _fit(p, forces, scales, thresholds.WINDOW_CORRELATION, variance)
-        theta = fit.known.mean[:, fit.best]
-        square = p.residual_square(theta, forces, fit.best)
-        least = thresholds.LEAST_RESIDUAL**2 * float(forces.square[fit.best])
-        before, variance = variance, max(square, least) / len(p.columns)
+        square = np.maximum(p.residual_square(fit.known.mean, forces), _least_square(forces))
+        before, variance = variance, float(square[fit.best]) / len(p.white)
         if abs(variance / before - 1.0) < thresholds.NOISE_AGREES:
             break
     return fit._replace(variance=variance)

@@ -66,7 +66,7 @@ def identify(
     known = known_delay(used, file) if delay is None else DelayPrior(delay, 0.0)
     rows = problem(_parts(used, known), file, known, gravity)
     progress(3, 5)
-    fitted = estimated(rows, answered(rows))
+    fitted = estimated(answered(rows))
     progress(4, 5)
     result = _result(fitted, left_out)
     progress(5, 5)
@@ -114,7 +114,7 @@ def _table(p: Estimate) -> Characteristic:
 
     The reversal table reaches to 1.1 times the displacement at which the last element slips.
     """
-    gram, place = p.problem.gram, p.problem.groups["operators"]
+    gram, place = p.problem.columns.T @ p.problem.columns, p.problem.groups["operators"]
     triangle = np.linalg.cholesky(gram[place, place] + thresholds.COLUMN_RIDGE * np.diag(np.diag(gram)[place])).T
     aim = np.linalg.solve(triangle.T, gram[place, FREE:] @ p.theta[FREE:])
     weight, _ = optimize.nnls(triangle, aim)

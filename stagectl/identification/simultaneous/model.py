@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from stagectl import gaussian_evidence as gaussian
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous import friction_columns, laws
+from stagectl.identification.simultaneous import friction_columns, laws, refinement, whitening
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,
@@ -23,10 +24,13 @@ from stagectl.identification.simultaneous.regressors import (
     VELOCITY,
     Part,
     coarse,
+    current_noise,
     currents,
     motion,
     ripple_shares,
+    window_correlation,
 )
+from stagectl.identification.simultaneous.whitening import Whitening
 from stagectl.units import ROTARY
 
 GROUPS = ("ripple", "operators", "bristles", "stribeck", "lag")
@@ -58,7 +62,7 @@ class Forces(NamedTuple):
     """The left side at several delays, and its products with the columns."""
 
     delays: Array  # (k,) s
-    rows: Array  # (rows, k) N m | N
+    rows: Array  # (rows, k) N m | N, as measured
     right: Array  # (m, k)
     square: Array  # (k,)
 
@@ -69,8 +73,10 @@ class Problem(NamedTuple):
     parts: list[Part]
     shapes: friction_columns.Shapes
     columns: Array  # (rows, m): free, dense friction columns, the law's own, and its tangent
-    laws: list[laws.Refined]  # the best first: its columns are among them
-    gram: Array  # (m, m)
+    laws: list[refinement.Refined]  # the best first: its columns are among them
+    whitening: Whitening  # of the noise
+    white: Array  # (n, m): the columns that it leaves
+    gram: Array  # (m, m) of `white`
     coulomb: float  # N m | N, about
     file: StageFile
     delay: DelayPrior
@@ -91,12 +97,28 @@ class Problem(NamedTuple):
     def forces(self, delays: Array) -> Forces:
         """Left sides at these delays (k,) s."""
         rows = self.file.motor.force_constant * currents(self.parts, delays)
-        return Forces(delays, rows, self.columns.T @ rows, np.sum(rows * rows, axis=0))
+        white = self.whitening(rows)
+        return Forces(delays, rows, self.white.T @ white, np.sum(white * white, axis=0))
 
-    def residual_square(self, theta: Array, forces: Forces, number: int) -> float:
-        """Sum of squares of the residual at one of the delays."""
-        explained = theta @ self.gram @ theta + self.acceleration_noise * theta[ACCELERATION] ** 2
-        return float(forces.square[number] - 2.0 * theta @ forces.right[:, number] + explained)
+    def whitened(self, whitening: Whitening) -> Problem:
+        """The same rows with another spectrum of their noise, and no noise taken out."""
+        white = whitening(self.columns)
+        return self._replace(
+            whitening=whitening, white=white, gram=white.T @ white, acceleration_noise=0.0, moved_share=0.0
+        )
+
+    def sensed(self, weights: Array) -> float:
+        """Variance of the residual that is the current sensor's, once the rows have passed these `weights`."""
+        return self.file.motor.force_constant**2 * current_noise(self.parts, weights)
+
+    def noise(self, residual: Array) -> Whitening:
+        """The filter that whitens the noise of a `residual` (rows,)."""
+        return whitening.of(residual, self.whitening.rows, window_correlation(self.parts[0]))
+
+    def residual_square(self, theta: Array, forces: Forces) -> Array:
+        """Sum of squares (k,) of the whitened residual at each of the delays with its `theta` (m, k)."""
+        explained = np.sum(theta * (self.gram @ theta), axis=0) + self.acceleration_noise * theta[ACCELERATION] ** 2
+        return np.asarray(forces.square - 2.0 * np.sum(theta * forces.right, axis=0) + explained)
 
     def prior(self, scales: Scales) -> gaussian.Prior:
         """Of all columns, with these scales of the groups."""
@@ -130,49 +152,66 @@ def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool
     paths = [friction_columns.path(p, rows[:, VELOCITY]) for p, rows in zip(parts, free, strict=True)]
     seen = Motion(parts, paths, free, shapes, gravity)
     coulomb = _coulomb(seen, file, delay)
-    ranked = laws.refined(_setting(seen, coulomb, file, delay))
+    plain = _setting(seen, coulomb, file, delay)
+    if any(coarse(p) for p in parts):  # what a law leaves on a path that is coarse is the path's error, no noise
+        plain = plain._replace(sensed=math.inf)
+    ranked = refinement.refined(plain)
+    left = refinement.residual(ranked[0], plain)
+    noise = whitening.of(left, plain.whitening.rows, window_correlation(parts[0]))
+    scatter = math.sqrt(thresholds.WINDOW_CORRELATION) * float(np.std(noise(left)))
     seen = seen._replace(paths=[_followed(p, x, ranked[0], seen, file) for p, x in zip(parts, paths, strict=True)])
-    ranked = laws.refined_again(_setting(seen, coulomb, file, delay), ranked)
+    white = _setting(seen, coulomb, file, delay, noise.weights)._replace(noise=scatter)
+    ranked = refinement.refined_again(white, ranked)
     law, best = laws.LAWS[ranked[0].name], ranked[0]
     matrix = np.column_stack(
         [
             np.vstack(free),
             np.vstack([friction_columns.columns(x, shapes) for x in seen.paths]),
             laws.columns(law, seen.paths, best.theta.tolist(), shapes),
-            laws.tangent(law, best, seen.paths, shapes),
+            refinement.tangent(law, best, seen.paths, shapes),
         ]
     )
-    return Problem(parts, shapes, matrix, ranked, matrix.T @ matrix, coulomb, file, delay, gravity)
+    noise = noise._replace(rows=tuple(p.rows for p in parts))
+    return Problem(parts, shapes, matrix, ranked, noise, matrix, matrix, coulomb, file, delay, gravity).whitened(noise)
 
 
 def _followed(
-    p: Part, along: friction_columns.Path, law: laws.Refined, seen: Motion, file: StageFile
+    p: Part, along: friction_columns.Path, law: refinement.Refined, seen: Motion, file: StageFile
 ) -> friction_columns.Path:
     """The path of the best law's model, where the measured one is too coarse."""
     if not coarse(p):
         return along
     time = np.clip(along.dt * np.arange(len(along.position)) - law.delay, 0.0, p.capture.time[-1])
     effort = file.motor.force_constant * CubicSpline(p.capture.time, p.capture.current)(time)
-    return friction_columns.followed(p, along, laws.acceleration(law, along, effort, seen.shapes))
+    return friction_columns.followed(p, along, refinement.acceleration(law, along, effort, seen.shapes))
 
 
-def _setting(seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior) -> laws.Setting:
-    """What the laws are refined on: the first rows of every capture."""
+def _setting(
+    seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior, weights: Array | None = None
+) -> refinement.Setting:
+    """What the laws are refined on: the first rows of every capture, whitened with these `weights`."""
     most = max(1, thresholds.LAW_ROWS // len(seen.parts))
     heads = [p._replace(places=p.places._replace(number=min(most, p.rows))) for p in seen.parts]
-    free = np.vstack([rows[:most] for rows in seen.free])
-    (inertia, viscous), (loose, tight) = mechanics(file)
+    white = whitening.none([p.rows for p in heads])
+    white = white if weights is None else white._replace(weights=weights)
+    free, force = white(np.vstack([rows[:most] for rows in seen.free])), _forces(heads, file, delay)
+    (inertia, viscous), (_, tight) = mechanics(file)
     ripple = _ripples(heads, file, thresholds.FRICTION_SCALES[0][-1], seen.gravity)
-    return laws.Setting(
+    return refinement.Setting(
         [x.head(most) for x in seen.paths],
         seen.shapes,
-        free,
-        free.T @ free,
-        _forces(heads, file, delay),
-        np.r_[inertia, viscous, np.zeros(FREE - 2)],
-        np.r_[loose, tight, coulomb, coulomb * ripple],
+        white,
+        free[:, ACCELERATION],
+        free[:, VELOCITY:],
+        free[:, VELOCITY:].T @ free[:, VELOCITY:],
+        lambda late: white(force(late)),
+        np.r_[viscous, np.zeros(FREE - 2)],
+        np.r_[tight, coulomb, coulomb * ripple],
         coulomb,
         (delay.mean, delay.deviation),
+        inertia,
+        file.motor.force_constant**2 * current_noise(heads, white.weights),
+        thresholds.ROUGH_NOISE * coulomb,
     )
 
 

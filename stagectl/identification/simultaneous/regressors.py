@@ -224,14 +224,24 @@ def currents(parts: list[Part], delays: Array) -> Array:
     )
 
 
-def current_noise(parts: list[Part]) -> float:
+def window_correlation(p: Part) -> Array:
+    """Autocorrelation (k,) of white noise in the rows, from lag 0 on: that of the window."""
+    weights = window(p.q, p.capture.dt)
+    products = np.correlate(weights, weights, "full")[len(weights) - 1 :: p.places.step]
+    return np.asarray(products / products[0], dtype=np.float64)
+
+
+def current_noise(parts: list[Part], whitening: Array) -> float:
     """Variance (A^2) that a current sensor's white noise leaves in the filtered current, as fourth differences show it.
 
-    A commanded current has none.  The controller's response to the encoder's rounding counts as such noise, too.
+    `whitening` (p + 1,) are the weights of rows that the current has passed besides the window.  A commanded current
+    has no such noise.  The controller's response to the encoder's rounding counts as such noise, too.
     """
     total = 0.0
     for p in parts:
-        weights, differences = window(p.q, p.capture.dt), np.diff(p.capture.current, 4)
+        spread = np.zeros((len(whitening) - 1) * p.places.step + 1)
+        spread[:: p.places.step] = whitening
+        weights, differences = np.convolve(window(p.q, p.capture.dt), spread), np.diff(p.capture.current, 4)
         total += p.rows * float(weights @ weights) * float(np.mean(differences * differences)) / 70.0
     return total / sum(p.rows for p in parts)
 

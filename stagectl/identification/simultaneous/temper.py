@@ -14,8 +14,7 @@ from stagectl.identification.simultaneous.regressors import VELOCITY, controlled
 
 def worth(residual: Array, form_share: float) -> float:
     """Rows that count as one where this share of the `residual` (n,) is an error of form."""
-    near = max(thresholds.WINDOW_CORRELATION, _near(residual))
-    return near + len(residual) * form_share / thresholds.FORM_VALUES
+    return max(thresholds.WINDOW_CORRELATION, _near(residual)) + len(residual) * form_share / thresholds.FORM_VALUES
 
 
 def form_share(p: Problem, residual: Array, variance: float, inertia: float) -> float:
