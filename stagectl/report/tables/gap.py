@@ -44,7 +44,8 @@ def gaps(result: DiagnosisResult) -> Table:
 def _row(name: str, gap: Gap, result: DiagnosisResult) -> list[str]:
     (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, result.travel)
     factor = f"{gap.before / gap.after:.1f}" if gap.after > 0.0 else ""
-    return [name, before, after, unit, factor, floor, _closed(gap, result)]
+    noise = floor if gap.floor > 0.0 else UNKNOWN  # no run was repeated
+    return [name, before, after, unit, factor, noise, _closed(gap, result)]
 
 
 def _closed(gap: Gap, result: DiagnosisResult) -> str:
