@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -37,26 +37,37 @@ def _check(path: Path) -> dict[str, Any]:
     from stagectl.config.source import UnreadableError
 
     try:
-        words = {str(axis): _words(axis) for axis in axes_of(path)}
-        for axis, summary in words.items():
-            console.print(Text.assemble(("good", "green"), f"  {axis}: {summary}"))
-        return {"code": 0, "words": "; ".join(words.values()), "errors": []}
+        known = {str(axis): _known(axis) for axis in axes_of(path)}
+        for axis, axis_file in known.items():
+            console.print(Text.assemble(("good", "green"), f"  {axis}: {axis_file.words}"))
+            if axis_file.warning:
+                console.print(Text.assemble(("warning:", "bold yellow"), f" {axis}: {axis_file.warning}"))
+        warnings = [axis_file.warning for axis_file in known.values() if axis_file.warning]
+        words = "; ".join(axis_file.words for axis_file in known.values())
+        return {"code": 0, "words": words, "warnings": warnings, "errors": []}
     except StageError as error:
         for line in str(error).splitlines():
             console.print(Text.assemble(("error:", "bold red"), f" {line}"))
         code = 2 if isinstance(error, UnreadableError) else 1
-        return {"code": code, "words": "", "errors": str(error).splitlines()}
+        return {"code": code, "words": "", "warnings": [], "errors": str(error).splitlines()}
 
 
 def kind(path: Path) -> str:
     """Whether a valid file is a stage or a trajectory; empty where it is neither."""
     try:
-        return "trajectory" if _words(path).startswith("trajectory") else "stage"
+        return "trajectory" if _known(path).words.startswith("trajectory") else "stage"
     except StageError:
         return ""
 
 
-def _words(path: Path) -> str:
+class _Known(NamedTuple):
+    """What a valid file says."""
+
+    words: str
+    warning: str = ""
+
+
+def _known(path: Path) -> _Known:
     from yaml import MappingNode, ScalarNode
 
     from stagectl.config.machine_file import split
@@ -69,11 +80,11 @@ def _words(path: Path) -> str:
     keys = [key for key, _ in node.value] if isinstance(node, MappingNode) else []
     words = {key.value for key in keys if isinstance(key, ScalarNode)}
     if "type" not in words and words & set(StageFile._fields):
-        return _stage_words(path)
-    return f"trajectory of {phases(load_free(path)).duration:.4g} s"
+        return _stage(path)
+    return _Known(f"trajectory of {phases(load_free(path)).duration:.4g} s")
 
 
-def _stage_words(path: Path) -> str:
+def _stage(path: Path) -> _Known:
     from stagectl import design
     from stagectl.config.stage_file import load_stage
 
@@ -81,13 +92,12 @@ def _stage_words(path: Path) -> str:
     control = setup.file.control
     reached = setup.margins
     name, value, unit = design.speed(control)
-    warning = design.limit_cycle_warning(setup.stage, control)
-    return (
+    return _Known(
         f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; phase margin "
         f"{math.degrees(reached.phase):.1f} deg, gain margin {20 * math.log10(reached.gain):.1f} dB, "
         f"crossover {reached.crossover:.1f} Hz{', with the observer' if 'observer' in control.layers else ''} "
-        f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples})"
-        f"{'; but ' + warning if warning else ''}"
+        f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples})",
+        design.limit_cycle_warning(setup.stage, control),
     )
 
 
