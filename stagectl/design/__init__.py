@@ -127,7 +127,8 @@ def limit_cycle_warning(p: stage.Stage, control: Settings) -> str:
         return ""
     return (
         f"at standstill, where friction acts as a spring, the loop oscillates at {frequency:.3g} Hz, about as wide as "
-        f"the friction's shortest slip: {_calmer(p, control)} or a shorter period"
+        f"the friction's shortest slip: {_calmer(p, control)} or a shorter period, or let `stagectl tune` find the "
+        f"fastest loop that comes to rest"
     )
 
 
