@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.motion import Json, TrajectoryArgument
-from stagectl.cli.service import Socket
+from stagectl.cli.service import Socket, uploaded
 from stagectl.cli.show import console, emit, without_compiler
 from stagectl.cli.show import progress as bar
 
@@ -33,14 +33,12 @@ def effects(
     Example: stagectl effects config/trajectories/sine-1.6hz.yaml
     """
     without_compiler()
-    from stagectl.config.trajectory_file import tables_of
     from stagectl.web.client import ask, default_socket
     from stagectl.workflows.effect_worth import Running, measured
     from stagectl.workflows.motion import unused
     from stagectl.workflows.trials import Shown
 
-    place, text = socket or default_socket(), trajectory.read_text(encoding="utf-8")
+    place = socket or default_socket()
     known = list(ask(place, "GET", "/v1/effects"))
-    upload = {"name": trajectory.stem, "yaml": text, "tables": tables_of(trajectory, text)}
-    running = Running(place, axis or known[0], upload, output or unused(f"effects-{trajectory.stem}"))
+    running = Running(place, axis or known[0], uploaded(trajectory), output or unused(f"effects-{trajectory.stem}"))
     emit(measured(running, (repeats, seed), keep, Shown(console.print, bar)), json)

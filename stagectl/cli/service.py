@@ -154,11 +154,15 @@ def follow(
 
     Example: stagectl follow config/trajectories/sine-1.6hz.yaml
     """
+    _do(socket, "trajectory", json, {**uploaded(trajectory), "axis": axis, "wait": not no_wait})
+
+
+def uploaded(trajectory: Path) -> dict[str, Any]:
+    """A trajectory file with its tables, as the service takes it."""
     from stagectl.config.trajectory_file import tables_of
 
     text = trajectory.read_text(encoding="utf-8")
-    body = {"name": trajectory.stem, "yaml": text, "tables": tables_of(trajectory, text)}
-    _do(socket, "trajectory", json, {**body, "axis": axis, "wait": not no_wait})
+    return {"name": trajectory.stem, "yaml": text, "tables": tables_of(trajectory, text)}
 
 
 def parameters(

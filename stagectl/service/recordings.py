@@ -25,6 +25,7 @@ from stagectl.service.child_process import Child, start
 
 LONGEST = 86400.0  # s
 KINDS = ("recordings", "blackbox")
+DAY, GIB = 86400.0, float(1 << 30)  # s, bytes
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.+-]{0,79}")
 _EXPIRY = 600.0  # s between two looks at what is too old or too much
 _END = 60.0  # s that a recorder may take to finish its file: one that is killed leaves it cut off
@@ -201,9 +202,6 @@ def _ask_to_end(running: _Running) -> None:
             os.write(running.pipe, ENOUGH)
 
 
-DAY, GIB = 86400.0, float(1 << 30)  # s, bytes
-
-
 class Kept(NamedTuple):
     """A file there is."""
 
@@ -214,7 +212,7 @@ class Kept(NamedTuple):
 
 def kept(state: Path, axis: str = "*") -> list[Kept]:
     """Recordings and black boxes of a service, the newest first."""
-    paths = [path for kind in ("recordings", "blackbox") for path in (state / kind).glob(f"{axis}/*.h5")]
+    paths = [path for kind in KINDS for path in (state / kind).glob(f"{axis}/*.h5")]
     files = []
     for path in paths:
         with contextlib.suppress(FileNotFoundError):  # it has just gone

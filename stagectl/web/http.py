@@ -165,7 +165,9 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
     app.add_exception_handler(405, _not_allowed)
     app.add_exception_handler(RequestValidationError, _malformed)
     _reading(app, service)
-    _moving(app, OrderHandler(service))
+    orders = OrderHandler(service)
+    _moving(app, orders)
+    _changing(app, orders)
     routes.add(app, service, port, _REFUSALS)
     return app
 
@@ -254,6 +256,8 @@ def _moving(app: FastAPI, orders: OrderHandler) -> None:
         await for_client(request, orders.trajectory(body.axis, body.name, upload, body.wait))
         return orders.service.machine_json()
 
+
+def _changing(app: FastAPI, orders: OrderHandler) -> None:
     @app.patch("/v1/effects", response_model=dict[str, bool], responses=_REFUSALS)
     async def leave(body: Effects) -> dict[str, bool]:
         """Leave effects to the feedback from the next motion on, as their compensation makes the error grow."""

@@ -60,8 +60,7 @@ def library_of(e: Evidence, forms: Sequence[Form], products: gram_matrices.Produ
     """The candidates `forms`, whose columns `products` hold, next to the baseline fit."""
     now = refine.start(e)
     g = gram_matrices.fold_sums(products, now.residuals)
-    floor = gram_matrices.noise(products, now.residuals)
-    return Library(tuple(forms), products, excess_of(g, _parameters(e, now, g), floor))
+    return Library(tuple(forms), products, _excess(g, _parameters(e, now, g), products, now))
 
 
 def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | None = None) -> Linearised:
@@ -75,17 +74,21 @@ def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | N
     tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
     nuisances = _parameters(e, now, g)
     start = _start(g, [*nuisances, usual_sizes.immaterial(library.forms, g.places)], library.excess, _strokes(e))
-    left = excess_of(g, nuisances, gram_matrices.noise(library.products, now.residuals))
+    left = _excess(g, nuisances, library.products, now)
     return Linearised(start, tried, forms, left, compare(start, tried, WIDER))
 
 
 def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
     """Sum of squares above the floor that base, friction and the effects' own parameters leave."""
+    g = gram_matrices.fold_sums(_known(e, library, now), now.residuals)
+    return _excess(g, _parameters(e, now, g), library.products, now)
+
+
+def _known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products:
+    """The columns of base, friction's form, and the effects' own parameters."""
     own = sensitivities.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
     names = [*refine.moving(e), *null_ensemble.member_names(library.products.names)]
-    known = gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
-    g = gram_matrices.fold_sums(known, now.residuals)
-    return excess_of(g, _parameters(e, now, g), gram_matrices.noise(library.products, now.residuals))
+    return gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
 
 
 class Errors(NamedTuple):
@@ -102,13 +105,10 @@ class Errors(NamedTuple):
 
 def errors(e: Evidence, library: Library, now: Fitted) -> Errors:
     """Of all parameters of `now`, with their priors and the friction's form."""
-    own = sensitivities.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
-    names = [*refine.moving(e), *null_ensemble.member_names(library.products.names)]
-    known = gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
-    g, count = gram_matrices.grams(known, now.residuals), _strokes(e)
+    g, count = gram_matrices.grams(_known(e, library, now), now.residuals), _strokes(e)
     nuisances = _parameters(e, now, g)
-    floor = gram_matrices.noise(library.products, now.residuals)
-    counted = gram_matrices.tempered(g, *(temper(left, count) for left in excess_of(g, nuisances, floor)))
+    left = _excess(g, nuisances, library.products, now)
+    counted = gram_matrices.tempered(g, *(temper(cut, count) for cut in left))
     order = [g.names[place] for prior in nuisances for place in prior.places]
     mean = np.concatenate([prior.mean for prior in nuisances])
     precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
@@ -133,11 +133,12 @@ def _parameters(e: Evidence, now: Fitted, g: Grams) -> list[Prior]:
     return [base, form, usual_sizes.of_own(now, g.places)]
 
 
-def excess_of(g: Grams, nuisances: Sequence[Prior], floor: Array) -> Cuts:
-    """Sum of squares above the `floor` (2,) that `nuisances` leave.
+def _excess(g: Grams, nuisances: Sequence[Prior], products: gram_matrices.Products, now: Fitted) -> Cuts:
+    """Sum of squares that `nuisances` leave above the noise, which the `products` tell from a drift.
 
     Of the current the whole counts: the time shift belongs to the mechanics, and would hide a dead time.
     """
+    floor = gram_matrices.noise(products, now.residuals)
     return _left(g.effort.sum(axis=0), nuisances) - float(floor[0]), float(g.current[:, -1, -1].sum() - floor[1])
 
 
