@@ -22,7 +22,6 @@ from stagectl.service.virtual_timeouts import patient
 
 _RAMP = 0.5  # s that a drive's own ramp may take
 _LEAVE, _WRITE = 15.0, 10.0  # s that a process, and a black box, may take to end
-_READY = 60.0  # s for the stop path to be ready: its imports on a busy machine
 Note = Callable[[str, str, str], None]  # axis, fault, words
 
 
@@ -90,23 +89,24 @@ class Companions:
         self._lingering: list[tuple[str, Child]] = []  # black boxes of an earlier real-time process, and their axes
         self._waiting: set[Child] = set()  # black boxes that have said so
         self._stop_path: Child | None = None
+        self._told = False  # the stop path, what the kernel refused the loop
         self._live: Child | None = None
 
     def spawn(self, alive: int, stop_socket: int) -> None:
         """Start all; `alive` is the pipe that the real-time process holds."""
         self._alive, self._stop_socket = alive, stop_socket
-        self._stop_path = _start_stop_path(list(self._axes.values()), stop_socket, alive)
+        self._stop_path, self._told = _start_stop_path(list(self._axes.values()), stop_socket, alive), False
         self._boxes = {name: self._box(name) for name in self._axes}
         if self._paths.foxglove:
             self._live = _start_foxglove(list(self._axes.values()), self._paths.foxglove, alive)
 
-    def announce(self, refused: list[str]) -> bool:
-        """Wait until the stop path is ready, and tell it what the kernel `refused` the loop; False: it is not."""
-        assert self._stop_path is not None
-        if not self._stop_path.readable(_READY) or not self._stop_path.line():
-            return False
-        self._stop_path.send(refused)
-        return True
+    def takes_stops(self, refused: list[str]) -> bool:
+        """Whether the stop path is ready; then it has been told what the kernel `refused` the loop."""
+        path = self._stop_path
+        if path is not None and not self._told and path.readable(0.0) and path.line():
+            path.send(refused)
+            self._told = True
+        return self._told
 
     def address(self) -> str:
         """Where Foxglove finds its server; empty where there is none."""
@@ -125,6 +125,7 @@ class Companions:
             self._note("", "stop_path_died", f"the stop path ended ({self._stop_path.ended}); a new one was started")
             self._stop_path.wait()
             self._stop_path = _start_stop_path(list(self._axes.values()), self._stop_socket, self._alive)
+            self._told = False
         if self._live is not None and self._live.ended is not None:
             self._live.wait()
             self._live = None

@@ -45,6 +45,7 @@ LOOK = 0.02  # s between two looks at the processes
 _ANSWER = 2.0  # s in which the loop takes an order; longer only while it configures a drive
 _LEAVE = 15.0  # s that the real-time process may take to end
 _UP = 120.0  # s that a new real-time process may take to start: imports, and the drives' answers
+_READY = 60.0  # s for the stop path to be ready: its imports on a busy machine
 _SETTLE = 3.0  # s after a motion in which the axis must be in position
 _DEATHS, _DEATH_TIME = 5, 60.0  # more deaths of the real-time process within this time (s) end the service
 _KEPT = 200  # entries of the fault list
@@ -128,8 +129,8 @@ class Service:
         if not line:
             raise ServiceError("the real-time process did not start; see the messages above")
         self.refused = json.loads(line)["refused"]
-        if not await asyncio.to_thread(self._companions.announce, self.refused):
-            raise ServiceError("the stop path did not start; see the messages above")
+        if not await self.until(lambda: self._companions.takes_stops(self.refused), _READY):
+            raise ServiceError(f"the stop path did not start within {_READY:.0f} s; see the messages above")
         for axis in self.axes.values():
             wire = axis.setup.file.drive.wire
             for line in accepted(wire) if isinstance(wire, Canopen) else ():
@@ -193,6 +194,8 @@ class Service:
         self.planner.look()
         if self._loop.ended is None:
             self._companions.look()
+            if self._restarting is None:
+                self._companions.takes_stops(self.refused)
         if self._restarting is not None and self._restarting.done():
             self._restarting.result()
             self._restarting = None

@@ -127,6 +127,13 @@ class Served:
         assert process is not None, (module, self.log)
         return process
 
+    def next_child(self, module: str, before: int) -> int:
+        """Process id of the child that runs this module, once it is another than `before`."""
+        assert self.process is not None
+        parent = self.process.pid
+        assert within(60.0, lambda: child_of(parent, module) not in (None, before)), self.log
+        return self.child(module)
+
     def kill(self, module: str = "") -> None:
         """Signal 9 to a child, or to the service itself."""
         assert self.process is not None
@@ -151,6 +158,8 @@ class Served:
         return sorted((self.folder / "state" / "blackbox").rglob("*.h5"))
 
     def begin_moving(self, speed: str = "5 mm/s") -> None:
+        if self.axis()["state"] in ("fault", "offline"):
+            self.ask("POST", "faults/reset")
         self.ask("POST", "enable")
         if not self.ask("GET", "status")["axes"][0]["homed"]:  # its drive was reset by an earlier test
             self.ask("POST", "home")

@@ -23,7 +23,7 @@ from stagectl.realtime.states import State
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.virtual_timeouts import HELD_UP
 from stagectl.web.client import ControlError, RefusedError, ask, stop
-from tests.conftest import CONFIG, ROOT, Command, child_of
+from tests.conftest import CONFIG, ROOT, Command
 from tests.service.serving import Served, free_port, served, within
 
 PORT = free_port()
@@ -161,26 +161,34 @@ def test_the_real_time_process_killed(machine: Served) -> None:
 
 def test_nothing_begins_before_a_stop_is_taken_again(machine: Served) -> None:
     """An order waits for the stop path of the new real-time process, so a stop from before does not end its motion."""
-    machine.kill("stagectl.service.stop_path")
+    before = machine.child("stagectl.service.stop_path")  # it ends with the loop
     machine.kill("stagectl.realtime.axes")
-    machine.until(lambda axis: axis["state"] == "connecting")
-    assert machine.process is not None
-    parent = machine.process.pid
-    assert within(60.0, lambda: child_of(parent, "stagectl.service.stop_path") is not None)
-    late = machine.child("stagectl.service.stop_path")
+    late = machine.next_child("stagectl.service.stop_path", before)
     os.kill(late, signal.SIGSTOP)
     try:
-        machine.until(lambda axis: axis["state"] == "disabled")
+        came = machine.until(lambda axis: axis["state"] != "connecting")["state"]
         with pytest.raises(ControlError):
             stop(machine.socket, quick=False, axis="")
         moving = threading.Thread(target=machine.begin_moving)
         moving.start()
         moving.join(1.0)
-        assert machine.axis()["state"] == "disabled"
+        assert machine.axis()["state"] == came
     finally:
         os.kill(late, signal.SIGCONT)
     moving.join(60.0)
     assert machine.axis()["state"] == "moving"
+
+
+def test_a_stop_path_that_dies_before_it_is_ready_is_replaced(machine: Served) -> None:
+    before = machine.child("stagectl.service.stop_path")
+    machine.kill("stagectl.realtime.axes")
+    late = machine.next_child("stagectl.service.stop_path", before)
+    os.kill(late, signal.SIGKILL)
+    machine.next_child("stagectl.service.stop_path", late)
+    machine.until(lambda axis: axis["state"] != "connecting")
+    machine.begin_moving()
+    assert "stop_path_died" in machine.faults()
+    assert stop(machine.socket, quick=False, axis="")["axes"][0]["state"] == "standing"
 
 
 def test_the_black_box_killed(machine: Served) -> None:
