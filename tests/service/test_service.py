@@ -54,11 +54,11 @@ def test_from_power_to_a_position_and_back(machine: Served, command: Command) ->
     code, out, err = command("move", "2 mm", "--socket", machine.socket, "--json", "-")
     assert code == 0, err
     assert '"state": "standing"' in out
-    axis = machine.axis()
+    axis = machine.heard()
     assert axis["position"] == pytest.approx(2e-3, abs=3e-7)
     assert axis["in_position"]
     assert command("move", "--by", "--socket", machine.socket, "--", "-1 mm")[0] == 0
-    assert machine.axis()["position"] == pytest.approx(1e-3, abs=3e-7)
+    assert machine.heard()["position"] == pytest.approx(1e-3, abs=3e-7)
     code, _, err = command("move", "60 mm", "--socket", machine.socket)
     assert code in (1, 2)
     assert "limits.travel" in err
