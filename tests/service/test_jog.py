@@ -107,7 +107,17 @@ def test_it_does_not_end_the_motion_of_somebody_else(machine: Served) -> None:
 
 
 def test_a_second_key_is_refused_while_one_is_held(machine: Served) -> None:
-    machine.ask("POST", "jog", press=next(PRESSES), speed="5 mm/s")
-    with pytest.raises(RefusedError, match="another key"):
-        machine.ask("POST", "jog", press=next(PRESSES), speed="-5 mm/s")
-    standing(machine)
+    """On a busy computer the first press may be over before the second is asked for: again, then."""
+
+    def refused() -> bool:
+        begun = float(machine.heard()["reference"])
+        held(machine, lambda place: place > begun + 0.1e-3)
+        try:
+            machine.ask("POST", "jog", press=next(PRESSES), speed="-5 mm/s")
+        except RefusedError as error:
+            return "another key" in str(error)
+        finally:
+            standing(machine)
+        return False
+
+    assert any(refused() for _ in range(10))
