@@ -27,12 +27,15 @@ from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Columns, Products
 from stagectl.gap.residuals.partialled_out import against, folds, partialled_out
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import null_ensemble, refine
+from stagectl.gap.selection import baseline_fit, null_ensemble, refine
+from stagectl.gap.selection.linearised import Unnamed
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
 
 SINGLE = ((EVEN,), (ODD,), (EVEN, ODD))  # parts of a function of one coordinate and the direction
 WITH_ACCELERATION = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # tried where no single coordinate is enough
+LEVELS = {EVEN: "bias", ODD: baseline_fit.weight_name(0)}  # what acts as a part that is the same everywhere
+WAVES = "position_mod_pitch"  # its functions have no level
 COMBINED = ("speed", "position")  # coordinates that are combined with the acceleration
 
 
@@ -48,6 +51,13 @@ class ShapeFit(NamedTuple):
     def clear(self, least: float) -> bool:
         """Whether it predicts enough, and gains more than `least` and than any friction law gives."""
         return self.share >= UNKNOWN_PREDICTED and self.gain > max(least, self.limit)
+
+
+class Unexplained(NamedTuple):
+    """What no effect explains."""
+
+    term: UnknownTerm
+    columns: Unnamed | None = None  # of the functions that do; None where no coordinate orders it
 
 
 def own_columns(e: Evidence, now: Fitted) -> Columns:
@@ -148,10 +158,15 @@ def _tabled(fit: ShapeFit) -> bool:
     return fit.basis.coordinate in TABLES and set(fit.parts) <= set(TABLES[fit.basis.coordinate][1])
 
 
-def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> UnknownTerm:
+def size(amplitudes: Array) -> float:
+    """Root mean square, and never 0: it is a standard deviation."""
+    return max(float(np.sqrt(np.mean(amplitudes * amplitudes))), 1e-300)
+
+
+def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unexplained:
     """Force over the coordinate, fitted together with the base's parameters, which have absorbed a part of it.
 
-    `products` hold the columns of the function and of these parameters.
+    `products` hold the columns of the function, of these parameters and of those of the effects.
     """
     columns = [name for part in fit.parts for name in basis_functions.names(fit.basis, part)]
     g = gram_matrices.fold_sums(products, means(now.residuals))
@@ -160,7 +175,11 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unk
     by_part = dict(zip(fit.parts, np.split(amplitudes, len(fit.parts)), strict=True))
     grid, force = _force(fit.basis, by_part)
     shape = UnknownTerm(fit.basis.coordinate, grid, force, min(fit.share, 1.0))
-    return shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
+    shape = shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
+    most = {part: size(values) for part, values in by_part.items()}
+    sizes = {name: most[part] for part in fit.parts for name in basis_functions.names(fit.basis, part)}
+    levels = {LEVELS[part]: most[part] for part in fit.parts if part in LEVELS and fit.basis.coordinate != WAVES}
+    return Unexplained(shape, Unnamed(products, sizes, levels))
 
 
 def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array, Array]:

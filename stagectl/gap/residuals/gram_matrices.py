@@ -138,17 +138,15 @@ def tempered(g: Grams, effort: float, current: float) -> Grams:
     return g._replace(effort=effort * g.effort, current=current * g.current)
 
 
-def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Array) -> Array:
-    """Mean square error (k, k) of a fit from which amplitudes of `names` lead to what the data and a prior say.
+def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Array) -> tuple[Array, Array]:
+    """Amplitudes (k,) of `names` that lead from a fit to what the data and a prior say, and their square error (k, k).
 
     The prior lies at `mean` (k,) with the `precision` (k,): a direction that the data do not excite keeps its width.
     What a model leaves is wrong alike in all half strokes of an experiment, so whole experiments are left out in turn
-    (the jackknife, with Student's factor of 95 % for their number).  The fit knows nothing of some of the columns, so
-    that how far it is from the most probable amplitudes belongs to its error.  Source: B. Efron, The Jackknife, the
-    Bootstrap and Other Resampling Plans, 1982.
+    (the jackknife, with Student's factor of 95 % for their number).  Source: B. Efron, The Jackknife, the Bootstrap and
+    Other Resampling Plans, 1982.
     """
-    places, prior = g.places(names), np.diag(precision)
-    parts = _blocks(g)
+    places, prior, parts = g.places(names), np.diag(precision), _blocks(g)
     whole = parts.sum(axis=0)
 
     def amplitudes(summed: Array) -> Array:
@@ -160,11 +158,11 @@ def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Ar
     step, count = amplitudes(whole), len(parts)
     inverse = least_squares.inverse(whole[np.ix_(places, places)] + prior)
     if count < 2:  # one half stroke: nothing can be left out
-        return np.asarray(inverse + np.outer(step, step))
+        return step, inverse
     apart = np.array([amplitudes(whole - part) for part in parts]) - step
     factor = (student_t.ppf(0.975, count - 1) / NORMAL) ** 2 * (count - 1) / count
-    error: Array = factor * apart.T @ apart + inverse @ prior @ inverse + np.outer(step, step)
-    return error
+    error: Array = factor * apart.T @ apart + inverse @ prior @ inverse
+    return step, error
 
 
 def _blocks(g: Grams) -> Array:

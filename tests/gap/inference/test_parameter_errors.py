@@ -60,11 +60,20 @@ def test_otherwise_it_is_no_candidate(shifts: list[Shift]) -> None:
     ],
 )
 def test_a_shift_is_sure_large_and_material(value: float, deviation: float, share: float, sure: bool) -> None:
-    changed = parameter_errors._shift("inertia", Estimate(value, 1.0, deviation, 1.0, 0.3), share, "rotary")
+    changed = parameter_errors._shift("inertia", [Estimate(value, 1.0, deviation, 1.0, 0.3)], share, "rotary")
     assert changed.sure is sure and changed.value.unit == "kg m^2"
     assert changed.change == pytest.approx(value - 1.0) and changed.value.high == pytest.approx(
         value + 1.96 * deviation
     )
+
+
+def test_a_shift_is_no_surer_than_beside_what_is_unnamed() -> None:
+    """There a tenth of the inertia may belong to it; and where that makes it surer, it is no surer."""
+    alone, beside = Estimate(1.1, 1.0, 0.01, 1.0, 0.3), Estimate(1.02, 1.0, 0.1, 1.0, 0.3)
+    found, turned = (parameter_errors._shift("inertia", views, 0.3, "rotary") for views in ([alone, beside], [beside]))
+    assert found.probability == turned.probability < 0.5
+    assert found.change == pytest.approx(0.1) and found.deviation == pytest.approx(np.hypot(0.1, 0.08))
+    assert parameter_errors._shift("inertia", [beside, alone], 0.3, "rotary").probability == found.probability
 
 
 @pytest.mark.parametrize(("value", "expected"), [(0.02, 0.5), (0.021, 0.841), (-0.019, 0.159)])
