@@ -53,8 +53,8 @@ from stagectl.gap.selection import (
 from stagectl.gap.selection.linearised import Library, library_of
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
+from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
-from stagectl.gap.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.validation.validate import Validation, validate
 from stagectl.kernels.stage import Stage, sliding
 

@@ -24,8 +24,7 @@ from stagectl.gap.inference.thresholds import (
 )
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
-from stagectl.gap.residuals.gram_matrices import Columns, Products
-from stagectl.gap.residuals.partialled_out import against, folds, partialled_out
+from stagectl.gap.residuals.gram_matrices import Columns, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import baseline_fit, null_ensemble, refine
 from stagectl.gap.selection.linearised import Unnamed
@@ -91,13 +90,19 @@ def _fits(
     nuisances = [*refine.moving(e), *(direction.name for direction in refine.parameters(now))]
     g = gram_matrices.fold_sums(products, means(now.residuals))
     free, floor = partialled_out(folds(g, g.effort), g.places(nuisances)), floor_of(e)
-    machines = [against(free, place) for place in g.places(null_ensemble.member_names(products.names))]
+    machines = [_against(free, place) for place in g.places(null_ensemble.member_names(products.names))]
     fits = []
     for parts in variants:
         columns = g.places([name for part in parts for name in basis_functions.names(basis, part)])
         gain, share = _predicted(free, columns, floor)
         fits.append(ShapeFit(basis, parts, gain, share, _limit(machines, columns)))
     return fits
+
+
+def _against(g: Array, residual: int) -> Array:
+    """`g` (..., p + 1, p + 1) with the column `residual` in the place of the residual."""
+    order = [*range(g.shape[-1] - 1), residual]
+    return g[..., order, :][..., :, order]
 
 
 def _predicted(free: Array, columns: Sequence[int], floor: float) -> tuple[float, float]:

@@ -17,8 +17,7 @@ from stagectl.gap.inference.coordinates import means
 from stagectl.gap.inference.shape_fits import ShapeFit, Unexplained, best_of, floor_of, least_gain, repeats_of, shape_of
 from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS, OF_KIN
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products
-from stagectl.gap.residuals.partialled_out import folds, partialled_out
+from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED
 from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.linearised import Library

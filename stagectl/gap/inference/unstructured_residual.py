@@ -17,8 +17,7 @@ from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_
 from stagectl.gap.inference.shape_fits import Unexplained, own_columns, size
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
-from stagectl.gap.residuals.gram_matrices import Grams, Products
-from stagectl.gap.residuals.partialled_out import folds, partialled_out
+from stagectl.gap.residuals.gram_matrices import Grams, Products, folds, partialled_out
 from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import baseline_fit, null_ensemble, refine

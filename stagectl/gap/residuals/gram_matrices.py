@@ -24,7 +24,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import least_squares, run_products
 from stagectl.gap.residuals.half_strokes import Run, spans
 from stagectl.gap.residuals.run_products import RunProducts
-from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
+from stagectl.gap.residuals.thresholds import LEAST_BLOCKS, SINGULAR_NUISANCE
 from stagectl.number_format import NORMAL as NORMAL
 from stagectl.parallel import in_parallel
 
@@ -171,3 +171,23 @@ def _blocks(g: Grams) -> Array:
     pieces = -(-LEAST_BLOCKS // len(experiments))
     blocks = [block for strokes in experiments for block in np.array_split(strokes, pieces) if len(block)]
     return np.array([g.both[block].sum(axis=0) for block in blocks])
+
+
+def folds(g: Grams, channel: Array) -> Array:
+    """(2, p + 1, p + 1) sums of the matrices (c, p + 1, p + 1) of one channel over the two folds of half strokes."""
+    first = run_products.first_fold(g.stroke).astype(np.float64)
+    return np.stack([np.tensordot(fold, channel, 1) for fold in (first, 1.0 - first)])
+
+
+def partialled_out(both: Array, nuisance: Sequence[int]) -> Array:
+    """The folds (2, p + 1, p + 1) with all columns and the residual less what the nuisances explain on all data."""
+    g, n = both.sum(axis=0), list(nuisance)
+    a = g[np.ix_(n, n)] + least_squares.ridge(g[n, n])
+    scale = least_squares.column_lengths(a)
+    explained = np.linalg.pinv(a / np.outer(scale, scale), rcond=SINGULAR_NUISANCE, hermitian=True) @ (
+        g[n] / scale[:, None]
+    )
+    explained = explained / scale[:, None]
+    crossed = both[:, :, n] @ explained  # columns against what nuisances make of the others
+    free: Array = both - crossed - np.swapaxes(crossed, 1, 2) + explained.T @ both[:, n][:, :, n] @ explained
+    return free
