@@ -52,10 +52,9 @@ def conclude(
     now, sure = selected.fitted, verdict.only_named(e, selected)
     left = unknown(e, sure, functions)
     shape = left.term if left else None
-    beside = [left.columns] if left and left.columns else []
-    known = [linearised.errors(e, library, now, unnamed) for unnamed in (None, *beside)]
-    deviations = [errors.deviations() for errors in known]
-    largest = {name: max(each[name] for each in deviations) for name in deviations[0]}
+    beside = (None, left.columns) if left and left.columns else (None,)
+    known = [linearised.errors(e, library, now, unnamed) for unnamed in beside]
+    largest = {name: max(errors.deviations()[name] for errors in known) for name in known[0].names}
     effects = verdict.named_effects(session, e, selected, largest)
     before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
     shifts = shifted_parameters.shifted(session, parameter_errors.shifts(session, e, now, known, before), now)

@@ -7,6 +7,7 @@ in for the others, the one that explains most alone counts, and the others are i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -80,7 +81,7 @@ def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], 
         _shift(name, [view.given(name, part.given) for view in views], part.misfit / before, session.kind, part.alike)
         for name, part in parts.items()
     ]
-    return [*of_columns, *_presliding(session, now)]
+    return [*of_columns, *_presliding(session, now, known)]
 
 
 def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
@@ -168,10 +169,10 @@ def _probability(name: str, p: Estimate) -> float:
     return float(expit(log_odds) * beyond)
 
 
-def _presliding(session: Session, now: Fitted) -> list[Shift]:
+def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:
     """The shift of the rolling zone's length; none without friction, which has no rolling zone.
 
-    It has no column of its own, so it counts as material and its deviation is a share of itself.
+    It has no column of its own, so it counts as material.  Its deviation is what the errors of all elements make of it.
     """
     p, q = session.stage.friction, now.model.stage.friction
     if min(stage.sliding(p), stage.sliding(q)) < thresholds.FRICTIONLESS * max(
@@ -179,8 +180,21 @@ def _presliding(session: Session, now: Fitted) -> list[Shift]:
     ):
         return []
     before, after = half_way(p), half_way(q)
-    estimate = Estimate(after, before, thresholds.PRESLIDING_ERROR * before, before, constants.LENGTH * before)
-    return [_shift("presliding", [estimate], 1.01 * thresholds.SHIFT_SHARE, session.kind)]
+    errors = [max(_half_way_error(now, each), thresholds.PRESLIDING_ERROR * before) for each in known]
+    views = [Estimate(after, before, error, before, constants.LENGTH * before) for error in errors]
+    return [_shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
+
+
+def _half_way_error(now: Fitted, known: Errors) -> float:
+    """Standard error of `half_way`: what it moves by where each element moves by its own error."""
+    places = [k for k, name in enumerate(known.names) if name.startswith("weight_") or name == "bristle_length"]
+    matrix = known.matrix[np.ix_(places, places)]
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    still = {baseline_fit.weight_name(k): 0.0 for k in range(len(now.model.stage.friction.operators.weight))}
+    moves = [{**still, known.names[place]: float(by)} for place, by in zip(places, size, strict=True)]
+    moved = [half_way(baseline_fit.moved(now.model, move, None, 1.0).stage.friction) for move in moves]
+    step = (np.array(moved) - half_way(now.model.stage.friction)) / size
+    return math.sqrt(max(float(step @ matrix @ step), 0.0))
 
 
 def half_way(p: stage.Friction) -> float:

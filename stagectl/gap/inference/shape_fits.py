@@ -34,7 +34,6 @@ from stagectl.kernels import effects, jit
 SINGLE = ((EVEN,), (ODD,), (EVEN, ODD))  # parts of a function of one coordinate and the direction
 WITH_ACCELERATION = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # tried where no single coordinate is enough
 LEVELS = {EVEN: "bias", ODD: baseline_fit.weight_name(0)}  # what acts as a part that is the same everywhere
-WAVES = "position_mod_pitch"  # its functions have no level
 COMBINED = ("speed", "position")  # coordinates that are combined with the acceleration
 
 
@@ -183,7 +182,8 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Une
     shape = shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
     most = {part: size(values) for part, values in by_part.items()}
     sizes = {name: most[part] for part in fit.parts for name in basis_functions.names(fit.basis, part)}
-    levels = {LEVELS[part]: most[part] for part in fit.parts if part in LEVELS and fit.basis.coordinate != WAVES}
+    constant = LEVELS if fit.basis.coordinate != "position_mod_pitch" else {}  # waves have no level
+    levels = {constant[part]: most[part] for part in fit.parts if part in constant}
     return Unexplained(shape, Unnamed(products, sizes, levels))
 
 

@@ -17,7 +17,7 @@ from scipy import fft
 from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.inference import thresholds
 from stagectl.gap.logs.row_validity import stretches
-from stagectl.gap.logs.session import Array, Log, Session
+from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.logs.thresholds import KNOWN_LIMIT, PLATEAU
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.gram_matrices import NORMAL
@@ -197,7 +197,8 @@ def plateau(session: Session) -> Plateau | None:
 
     No fit is needed, and no evidence of half strokes: a pulse of milliseconds shows it.
     """
-    pairs = [pair for log in session.logs if (pair := _sizes(log)) is not None]
+    logs = [(log.command, log.current, log.valid) for log in session.logs]
+    pairs = [(np.abs(x[rows]), np.abs(y[rows])) for x, y, rows in logs if x is not None and y is not None]
     if not pairs:
         return None
     command, current = (np.concatenate(part) for part in zip(*pairs, strict=True))
@@ -211,13 +212,6 @@ def plateau(session: Session) -> Plateau | None:
         return None
     spread = largest - float(np.median(current[held]))
     return Plateau(largest, spread, against > thresholds.LIMIT_AGAINST_GAIN)
-
-
-def _sizes(log: Log) -> tuple[Array, Array] | None:
-    """Sizes (m,) A of command and current in the rows that count."""
-    if log.command is None or log.current is None:
-        return None
-    return np.abs(log.command[log.valid]), np.abs(log.current[log.valid])
 
 
 def _against_a_gain(command: Array, current: Array) -> float:

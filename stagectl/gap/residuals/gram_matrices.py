@@ -133,11 +133,6 @@ def noise(p: Products, residuals: Sequence[Sequence[Array]]) -> Array:
     return np.array([least_squares.fit(cut, range(widest - 1)).residual_sum_of_squares for cut in summed])
 
 
-def tempered(g: Grams, effort: float, current: float) -> Grams:
-    """`g` with the cuts counting with these powers of their likelihood."""
-    return g._replace(effort=effort * g.effort, current=current * g.current)
-
-
 def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Array) -> tuple[Array, Array]:
     """Amplitudes (k,) of `names` that lead from a fit to what the data and a prior say, and their square error (k, k).
 

@@ -127,7 +127,7 @@ def errors(e: Evidence, library: Library, now: Fitted, unnamed: Unnamed | None) 
         nuisances.append(Prior(places, np.zeros(len(places)), size))
         g.current[:, places] = g.current[:, :, places] = 0.0
     left = _excess(g, nuisances, products if unnamed else library.products, now)
-    counted = gram_matrices.tempered(g, *(temper(cut, count) for cut in left))
+    counted = g._replace(effort=temper(left[0], count) * g.effort, current=temper(left[1], count) * g.current)
     order = [g.names[place] for prior in nuisances for place in prior.places]
     mean = np.concatenate([prior.mean for prior in nuisances])
     precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
