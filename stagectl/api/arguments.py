@@ -72,6 +72,16 @@ def switched_off(without: Iterable[str], compensator: str = "model") -> frozense
     return frozenset("friction" if name == compensator else name for name in names)
 
 
+def path_of(name: str, value: object, wanted: str) -> Path:
+    """`value` as a path; `wanted` says what the argument `name` takes.
+
+    Raises ArgumentError where it is no path.
+    """
+    if isinstance(value, str | os.PathLike):
+        return Path(value)
+    raise ArgumentError(name, f"of type {type(value).__name__}", f"; must be {wanted}")
+
+
 def paths_of(places: PathLike | Sequence[PathLike]) -> list[Path]:
     """One path or several as a list."""
     return [Path(places)] if isinstance(places, str | os.PathLike) else [Path(place) for place in places]

@@ -12,6 +12,7 @@ import errno
 import importlib
 import inspect
 import os
+import re
 import shlex
 import sys
 from keyword import iskeyword
@@ -185,7 +186,10 @@ def _usage(error: typer.TyperException) -> str:
     """What is wrong with the words that were typed, and the command that shows which are right."""
     words = error.format_message() if hasattr(error, "format_message") else str(error)
     context = getattr(error, "ctx", None)
-    return f"{words}\nsee: {context.command_path if context else 'stagectl'} --help"
+    command = context.command_path if context else "stagectl"
+    if negative := re.match(r"No such option: (-[0-9.])", words):
+        words = f"{negative[1]}... is taken for an option: write -- before it, as in `{command} -- -10mm`"
+    return f"{words}\nsee: {command} --help"
 
 
 _ADVICE = {
@@ -209,9 +213,9 @@ def _with_next(error: StageError) -> str:
     if file is None or file.suffix not in (".yaml", ".yml"):
         return f"{error.problems[0]}{_OTHER_FILE}" if file else str(error)
     if kind := configuration.kind(file):
-        return (
-            f"{file} is a valid {kind} file, but another kind is expected here: the stage file comes first; see --help"
-        )
+        other = "stage" if kind == "trajectory" else "trajectory"
+        words = f"{file} is a valid {kind} file, but a {other} file is expected here"
+        return f"{words}: the stage file comes first; see --help"
     return f"{error}\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
 
 

@@ -47,6 +47,8 @@ FILES: dict[str, bytes] = {
     "picture.csv": bytes(range(256)),
     "log.xlsx": b"PK\x03\x04",
     "log.mat": b"hello" * 100,
+    "list.yaml": b"- a\n- b\n",
+    "empty.h5": b"",
     "fake.h5": b"not HDF5",
     "short.h5": b"\x89HDF\r\n\x1a\n\x03",
     "cut.h5": b"\x89HDF\r\n\x1a\n\x03\x08\x08\x00" + bytes(16) + (509003).to_bytes(8, "little") + bytes(100),
@@ -149,6 +151,10 @@ MISTAKES = [
     (f"gap diagnose good.csv --stage {S} --model broken.xml", "broken.xml:3", 2),
     (f"gap diagnose good.csv --stage {S} --model foreign.xml", "there are: none; `stagectl export", 2),
     ("record --for 2", "--for 2", 2),
+    ("record --for -1s", "must lie in (0,", 2),
+    ("move -10mm", "stagectl move -- -10mm", 2),
+    ("config check list.yaml", "list.yaml:1", 1),
+    ("replay empty.h5", "empty.h5 is empty", 2),
 ]
 
 
