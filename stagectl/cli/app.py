@@ -14,7 +14,9 @@ import inspect
 import os
 import re
 import shlex
+import signal
 import sys
+import threading
 from keyword import iskeyword
 from typing import Annotated, Any, NoReturn
 
@@ -159,7 +161,7 @@ def main() -> None:
     """Entry of the command; a user's mistake never ends in a traceback."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # figures go into pages: no window, no toolkit in memory
     try:
-        _end(application(*sys.argv[1:2])(standalone_mode=False))
+        _end(_run())
     except typer.TyperException as error:  # words that are no command, or that a command does not take
         _fail(_usage(error))
     except ArgumentError as error:
@@ -173,6 +175,37 @@ def main() -> None:
         _fail("interrupted", INTERRUPTED)
     except typer.Abort:  # the end of the input where an answer was due
         _fail("aborted: nothing has changed", 1)
+
+
+def _run() -> object:
+    """The exit code of the command.
+
+    A callback from C swallows an interrupt, as in numba's compiler, whose next step then fails: that is one, too.
+    """
+    verbs, before, seen = application(*sys.argv[1:2]), signal.getsignal(signal.SIGINT), list[int]()
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        return verbs(standalone_mode=False)
+
+    def interrupt(number: int, _: object) -> NoReturn:
+        seen.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    sys.unraisablehook = _unless_interrupted
+    try:
+        return verbs(standalone_mode=False)
+    except Exception as error:
+        if seen and not isinstance(error, StageError | OSError | typer.TyperException | typer.Abort):
+            return INTERRUPTED
+        raise
+    finally:
+        signal.signal(signal.SIGINT, before)
+        sys.unraisablehook = sys.__unraisablehook__
+
+
+def _unless_interrupted(lost: sys.UnraisableHookArgs) -> None:
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
 
 
 def _end(code: object) -> NoReturn:
