@@ -115,6 +115,7 @@ MISTAKES = [
     (f"identify least-squares {S} empty.csv", "empty.csv", 2),
     (f"identify least-squares {S} head.csv", "head.csv", 2),
     (f"identify least-squares {S} nan.csv", "nan.csv", 2),
+    (f"import nan.csv --stage {S}", "no number in position_rad, row 1", 2),
     (f"identify least-squares {S} text.csv", "'abc'", 2),
     (f"identify least-squares {S} no-current.csv", "no-current.csv", 2),
     (f"identify least-squares {S} still.csv", "still.csv", 2),
