@@ -79,7 +79,7 @@ def test_what_looks_like_markup_is_shown_as_it_stands(command: Command, tmp_path
     [
         ("amplitude: 2 mm\n", "type is missing"),
         ("axis: {kind: rotary}\n", "motor is missing"),
-        ("[]\n", "type is missing"),
+        ("[]\n", "must be a block of `key: value` lines"),
         ("axis:\n  kind: linear\ntype: sine\n", "axis is not known"),
     ],
 )

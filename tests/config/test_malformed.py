@@ -91,6 +91,8 @@ def test_every_line_of_a_trajectory_broken_in_every_way(machine: Path, ball_scre
 
 @pytest.mark.parametrize("case", list(files((CONFIG / "ball-screw.yaml").read_text())), ids=lambda case: case.name)
 def test_whole_files_as_a_stage(machine: Path, case: Case) -> None:
+    if case.line is not None and case.content.startswith(b"type:"):
+        case = case._replace(line=1)  # a trajectory: its first line says so, whatever else is wrong
     began = time.process_time()  # what other programs take is not the loader's
     attempt(load_stage, machine / "stage.yaml", case)
     assert time.process_time() - began < 3.0
