@@ -7,7 +7,8 @@ equation keeps its solution).
 
 The cut-off is a tenth of the sampling rate (100 Hz at 1 kHz, the usual choice for robots).  It is lower where the
 encoder's noise would otherwise exceed a hundredth of the acceleration's variance; there that noise grows with the
-fifth power of the cut-off.
+fifth power of the cut-off.  Noise that the encoder has not made does not show there: a regression must look for it at
+lower cut-offs.
 
 Source: M. Gautier, P. Poignet, Extended Kalman filtering and weighted least squares dynamic identification of robot,
 Control Engineering Practice 9(12), 2001.
@@ -49,12 +50,12 @@ class FilteredMotion(NamedTuple):
     acceleration: Array
 
 
-def design_filter(position: Array, dt: float) -> FilterDesign:
-    """The filter for `position` (n,) every `dt` (s).
+def design_filter(position: Array, dt: float, share: float = 1.0) -> FilterDesign:
+    """The filter for `position` (n,) every `dt` (s), with this `share` of the cut-off that suits its encoder.
 
     Raises IdentificationError where the record is too short for it.
     """
-    cutoff = _automatic_cutoff(position, dt)
+    cutoff = share * _automatic_cutoff(position, dt)
     kept = max(1, round(1.0 / (cutoff * dt)))
     design = FilterDesign(cutoff, kept, dt)
     least = thresholds.FILTERED_LEAST_ROWS * kept + 2 * design.edge

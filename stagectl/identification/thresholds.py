@@ -170,6 +170,7 @@ SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz; chosen
 LONGEST_KNOTS = 0.03  # s; chosen
 LEAST_KNOT_ROWS = 3.0  # samples in the longest knot distance; fewer, and the sampling is to blame; chosen
 WINDOWED_NOISE = 0.01  # noise that the encoder may leave in the acceleration, relative to its rms: biases it by 1e-4
+WINDOW_BAND = 0.197  # of one over the knot distance: the window's bandwidth for white noise
 WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one before the noise is known; chosen
 WHITENING_ORDER, WHITENING_ROWS = 24, 20  # rows that a filter looks back at most: twice the window's; rows for each
 WINDOW_PASSES = 0.5  # of the noise's power, least that a window passes below its cut-off; what is beyond is as below
@@ -222,8 +223,7 @@ FIRST_VARIANCE, LEAST_RESIDUAL = 1e-4, 1e-6  # of the force's mean square; of it
 
 # Simultaneous: temper.
 FORM_ERROR = 2e-3  # of the Coulomb friction: what the columns leave of a law, at least; chosen
-MISPLACED, STEPS_MISPLACED = 0.5, 2.0  # of the Coulomb friction, within an encoder step of a reversal; steps; chosen
-ANSWERED_NOISE = 0.4  # of the acceleration's noise in closed loop, in which the controller's answer correlates; chosen
+OTHER_LOOP = 3.0**-0.5  # of the answer of the stage file's loop to noise: deviation of a share from 0 to 2, evenly
 FORM_VALUES = 16.0  # values that an error of form is worth; calibrated on simulated axes of five laws
 FAR_ROWS = 30  # rows over which the window and a slow residual correlate
 SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen

@@ -167,6 +167,16 @@ def test_the_recipe_follows_rate_and_noise() -> None:
     assert solution.viscous.value == pytest.approx(TRUE[1], rel=0.02)
 
 
+def test_a_disk_that_is_not_centred_does_not_lower_the_inertia() -> None:
+    """The position swings by 40 um at 25 Hz, which no force makes: it halves the inertia at 100 Hz."""
+    record = made(5.0)
+    seen = record.position + 40e-6 * np.sin(50.0 * np.pi * record.time)
+    assert solved(record.time, seen, record.force).inertia.value < 0.8 * TRUE[0]
+    capture = Capture("not centred", record.time, seen, record.force / FILE.motor.force_constant, DT)
+    found = identify([capture], FILE).parameters["inertia"]
+    assert abs(found.value - TRUE[0]) <= found.half <= 0.1 * TRUE[0]
+
+
 def test_a_late_stamp_is_resampled_and_a_gap_splits() -> None:
     late = solved(*spoilt("time", 500, 0.5004))
     assert Topic.RESAMPLED in topics(late.notes)
@@ -232,7 +242,7 @@ def coloured(seed: int) -> Record:
 
 def filtered_with(monkeypatch: pytest.MonkeyPatch, cutoff: float, decimate: int) -> None:
     """Let the regression filter with this cut-off (Hz) and decimation, at 1 kHz."""
-    monkeypatch.setattr(regression, "design_filter", lambda position, dt: FilterDesign(cutoff, decimate, dt))
+    monkeypatch.setattr(regression, "design_filter", lambda *_: FilterDesign(cutoff, decimate, 1e-3))
 
 
 def test_emps_does_not_hang_on_the_cut_off(

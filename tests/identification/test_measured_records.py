@@ -64,7 +64,11 @@ def stage(**values: Any) -> Path:
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_a_joint_has_the_published_friction(joint: int) -> None:
-    """Friction of a harmonic drive bends with the speed: a straight line through it depends on the speeds moved."""
+    """The force is the published one within 15 % at every speed; how a line splits it depends on record and day.
+
+    Joints 3 and 4, half the difference of the torques at the same angle in opposite directions, which needs no model:
+    their slopes are 0.90 and 0.80 of the published ones, the force at low speeds is higher, in each third of it.
+    """
     inertia, viscous, coulomb, within = JOINTS[joint]
     wrong = {"inertia": inertia, "viscous": 0.7 * viscous, "coulomb": 1.3 * coulomb, "counts": 62832, "speed": 4}
     machine = stage(name=f"joint {joint}", gain=UR_GAINS[joint - 1], **wrong)
@@ -74,6 +78,9 @@ def test_a_joint_has_the_published_friction(joint: int) -> None:
     parameters = identified("least-squares", machine, log, "--columns", columns, *gravity)["parameters"]
     assert parameters["viscous"]["value"] == pytest.approx(viscous, rel=within)
     assert parameters["coulomb"]["value"] == pytest.approx(coulomb, rel=within)
+    for speed in (0.1, 0.5, 1.0):
+        force = parameters["coulomb"]["value"] + speed * parameters["viscous"]["value"]
+        assert force == pytest.approx(coulomb + speed * viscous, rel=0.15)
 
 
 def test_gravity_is_the_same_by_both_methods() -> None:
@@ -106,7 +113,7 @@ def test_two_directions_of_torque_steps_are_one_answer() -> None:
     assert refused.exit_code != 0 and "both directions together" in " ".join(str(refused.exception).split())
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="7.7e-5 +- 1.7e-5 kg m^2: 36 % below the catalogue's")
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="9.6e-5 +- 1.6e-5 kg m^2: 20 % below the catalogue's")
 def test_the_interval_of_torque_steps_holds_the_inertia_of_the_catalogue() -> None:
     machine, logs = torque_steps()
     found = identified("least-squares", machine, *logs, "--columns", HSM_COLUMNS)["parameters"]["inertia"]

@@ -111,8 +111,8 @@ def test_current_sine(
 def test_position_sine_tells_the_delay(ball_screw: Setup, tracked: Tracked) -> None:
     """The paper's 2 mm at 3.2 Hz in closed loop, for the command and for the measured current.
 
-    The controller answers to the noise that moves the axis, which no average removes: the delay is right to a
-    quarter of a millisecond, and its interval holds it.
+    The controller answers to the noise that moves the axis, which no average removes: without its answer taken out
+    the delay would be 0.3 ms late, far beyond its interval.
     """
     run = tracked(Sine(0.002, 3.2, 18.0, 2.0), current_noise=NOISE)
     step = ball_screw.stage.encoder.step
@@ -126,7 +126,8 @@ def test_position_sine_tells_the_delay(ball_screw: Setup, tracked: Tracked) -> N
         assert found.value == pytest.approx(truth, abs=0.25e-3)
         assert found.low <= truth <= found.high
         assert abs(errors(result, ball_screw.stage)["inertia"]) < 0.5
-        for name, value in (("viscous", 0.14), ("coulomb", 1.0)):
+        truths = {"inertia": ball_screw.stage.mechanics.inertia, "viscous": 0.14, "coulomb": 1.0}
+        for name, value in truths.items():
             assert result.parameters[name].low <= value <= result.parameters[name].high
 
 
@@ -251,7 +252,6 @@ def test_a_motion_of_unknown_origin_may_have_had_a_controller(ball_screw: Setup)
     """Without reference and injected current the answer to noise is in the intervals, and a note says so."""
     record = capture(ball_screw.stage, sine(5.0, 1.6, 4.0, DT), DT, Sensor(process=0.03))
     said, unsaid = (identify([r], ball_screw.file) for r in (record, record._replace(excitation=None)))
-    assert unsaid.details["form_share"] > 2.0 * said.details["form_share"]
     for name in ("inertia", "delay"):
         assert unsaid.parameters[name].half > 1.2 * said.parameters[name].half
     assert Topic.REFERENCE in topics(unsaid.notes) and Topic.REFERENCE not in topics(said.notes)

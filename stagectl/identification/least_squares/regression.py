@@ -84,12 +84,12 @@ def least_squares(
     return solved([filtered(position, force, dt, model)], model)
 
 
-def filtered(position: Array, force: Array, dt: float, model: RegressionModel) -> FilteredRecord:
-    """The rows of one record.
+def filtered(position: Array, force: Array, dt: float, model: RegressionModel, cutoff: float = 1.0) -> FilteredRecord:
+    """The rows of one record, with this share `cutoff` of that which suits its encoder.
 
     Raises IdentificationError where it is too short for the filter.
     """
-    design = design_filter(position, dt)
+    design = design_filter(position, dt, cutoff)
     motion = filtered_motion(position, design)
     columns = decimated(np.column_stack([model.columns(motion), force]), design)
     rows = slice(design.edge, len(position) - design.edge, design.decimate)

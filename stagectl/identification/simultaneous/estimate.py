@@ -1,4 +1,19 @@
-"""What an answer says of the parameters that a user reads: values, intervals, what the stage file had said before."""
+"""What an answer says of the parameters that a user reads: values, intervals, what the stage file had said before.
+
+**The controller's answer to noise.**  Noise that moves the axis is in the acceleration, and `evidence` takes its
+sum of squares n v out of ``a' a``, as for an axis that nothing holds.  A closed loop ``L = w_c / s`` answers it with a
+current.  With its mean sensitivity up to the window's cut-off w, ``S = 1 - (w_c / w) atan(w / w_c)``:
+
+* of the acceleration's noise the share S is left, so that n v (1 - S) too much was taken out;
+* the current's rate has ``- n v J^2 w_c S`` in common with the noise, as if the current came later: the delay is late.
+
+Neither averages out.  With the posterior's precision A they shift all parameters by ``A^-1`` times these sums, and the
+shift is taken out.  As w_c is that of the stage file, and the loop may be another one, the intervals hold any shift
+from none to twice this one.  Where a capture has neither a reference nor an injected current, a controller is taken to
+have moved the axis.
+
+Source: direct identification in closed loop, L. Ljung, System Identification, 2nd ed., 1999, section 13.4.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +21,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import cho_solve
 
 from stagectl.config.stage_blocks import StageFile
+from stagectl.design import Control
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.result import Parameter
 from stagectl.identification.simultaneous.evidence import Answer
 from stagectl.identification.simultaneous.model import DelayPrior, Problem
-from stagectl.identification.simultaneous.regressors import ACCELERATION, ONE, RIPPLE, VELOCITY
+from stagectl.identification.simultaneous.regressors import ACCELERATION, ONE, RIPPLE, VELOCITY, controlled
 from stagectl.units import ROTARY
 
 NAMES = ("inertia", "viscous", "coulomb", "offset", "delay")
@@ -62,15 +79,16 @@ def estimated(answer: Answer) -> Estimate:
     p = answer.problem
     sums = _sums(p)
     mean, covariance = answer.moments(sums)
+    per_delay = _per_delay(p, answer, sums)
+    shift = _answered_noise(p, answer, sums, per_delay * covariance[-1, -1])
+    mean, covariance = mean - shift, covariance + thresholds.OTHER_LOOP**2 * np.outer(shift, shift)
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     named = [*zip(NAMES, mean.tolist(), halves.tolist(), strict=True), *_gravity(p, answer)]
     parameters = {name: Parameter.named(name, p.file.axis.kind, value, half) for name, value, half in named}
     best = answer.best
     theta, delay = best.known.mean[:, best.best], float(best.delays[best.best])
     residual = p.forces(np.array([delay])).rows[:, 0] - p.columns @ theta
-    return Estimate(
-        p, answer, parameters, covariance, _per_delay(p, answer, sums), theta, residual, _ripple(p, answer), _prior(p)
-    )
+    return Estimate(p, answer, parameters, covariance, per_delay, theta, residual, _ripple(p, answer), _prior(p))
 
 
 def _sums(p: Problem) -> Array:
@@ -82,16 +100,42 @@ def _sums(p: Problem) -> Array:
     return sums
 
 
+def _slope(p: Problem, answer: Answer) -> Array:
+    """(m,) products of all columns with the force's change per second of delay, at the best delay."""
+    middle, step = float(answer.best.delays[answer.best.best]), thresholds.DELAY_STEP
+    ends = p.forces(np.array([middle - step, middle + step]))
+    return np.asarray((ends.right[:, 1] - ends.right[:, 0]) / (2.0 * step))
+
+
 def _per_delay(p: Problem, answer: Answer, sums: Array) -> Array:
     """(5,) change of each parameter per second of delay, at the best scales."""
-    best = answer.best
-    middle, step = float(best.delays[best.best]), thresholds.DELAY_STEP
-    ends = p.forces(np.array([middle - step, middle + step]))
-    power = 1.0 / (answer.worth * best.variance)
-    prior = p.prior(best.scales)
-    solved = np.linalg.solve(power * p.gram + prior.precision, power * ends.right)
-    change = sums @ (solved[:, 1] - solved[:, 0]) / (2.0 * step)
-    return np.append(change, 1.0)
+    change = cho_solve(answer.best.known.factor, answer.power * _slope(p, answer))
+    return np.append(sums @ change, 1.0)
+
+
+def _answered_noise(p: Problem, answer: Answer, sums: Array, with_delay: Array) -> Array:
+    """Shift (5,) of the parameters by a controller's answer to the noise that moved the axis.
+
+    `with_delay` (5,) is their covariance with the delay, as far as it is the delay that changes them.
+    """
+    if not any(controlled(rows.capture) for rows in p.parts):
+        return np.zeros(len(NAMES))
+    best, control = answer.best, p.file.control
+    bandwidth = control.bandwidth if isinstance(control, Control) else control.velocity_bandwidth
+    crossover = 2.0 * math.pi * bandwidth
+    left = _sensitivity(p, crossover)
+    inertia = float(best.known.mean[ACCELERATION, best.best])
+    pull, noise = np.zeros(len(p.gram)), answer.power * p.acceleration_noise * inertia
+    pull[ACCELERATION] = (1.0 - left) * noise
+    direct = cho_solve(best.known.factor, pull)
+    late = answer.power * float(_slope(p, answer) @ direct) + crossover * left * noise * inertia
+    return np.append(sums @ direct, 0.0) + late * with_delay
+
+
+def _sensitivity(p: Problem, crossover: float) -> float:
+    """Share of the noise that a loop with this `crossover` (rad/s) leaves below the window's cut-off."""
+    ratio = 2.0 * math.pi * thresholds.WINDOW_BAND / (p.parts[0].q * p.parts[0].capture.dt * crossover)
+    return 1.0 - math.atan(ratio) / ratio
 
 
 def _once_per_turn(p: Problem, answer: Answer) -> tuple[Array, Array]:

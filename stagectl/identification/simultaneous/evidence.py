@@ -23,9 +23,7 @@ Delays and scales are compared with the variance that each of them leaves.
 **Temper.**  Rows are worth less than their number: the window correlates neighbours, and what the columns leave of the
 true law repeats in every stroke.  With a residual of variance ``s^2`` of which the share ``f`` is such an error, n rows
 count as ``n / (c + n f / K)``: no record is worth more than K values per unit of error, however long it is.  ``f`` is
-at least that of an error of form of `FORM_ERROR` of the friction, of a reversal misplaced by an encoder step, and of
-the noise that a controller answers to: current and acceleration then hold the same noise.  Where a capture has neither
-a reference nor an injected current, a controller is taken to have moved the axis.
+at least that of an error of form of `FORM_ERROR` of the friction.
 """
 
 from __future__ import annotations
@@ -73,6 +71,11 @@ class Answer(NamedTuple):
         """The most probable scales."""
         return self.fits[int(np.argmax([weight.sum() for weight in self.weights]))]
 
+    @property
+    def power(self) -> float:
+        """What a row's square weighs in the most probable fit."""
+        return 1.0 / (self.worth * self.best.variance)
+
     def moments(self, sums: Array) -> tuple[Array, Array]:
         """Mean (r + 1,) and covariance of these sums (r, m) of parameters, and of the delay, which comes last."""
         values = [np.vstack([sums @ fit.known.mean, fit.delays]) for fit in self.fits]
@@ -96,7 +99,7 @@ def answered(p: Problem) -> Answer:
     fits = _searched(p, forces)
     best = _most_probable(fits)
     residual = p.whitening(_residual(p, best, forces))
-    share = temper.form_share(p, residual, best.variance, float(best.known.mean[ACCELERATION, best.best]))
+    share = temper.form_share(p, residual, best.variance)
     worth = temper.worth(residual, share)
     likely = [fit for fit in fits if fit.log_weight.max() > best.log_weight.max() - thresholds.UNLIKELY]
 

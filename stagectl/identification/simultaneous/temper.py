@@ -9,7 +9,6 @@ import numpy as np
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous.model import Problem
-from stagectl.identification.simultaneous.regressors import VELOCITY, controlled, motion, step_time
 
 
 def worth(residual: Array, form_share: float) -> float:
@@ -17,24 +16,9 @@ def worth(residual: Array, form_share: float) -> float:
     return max(thresholds.WINDOW_CORRELATION, _near(residual)) + len(residual) * form_share / thresholds.FORM_VALUES
 
 
-def form_share(p: Problem, residual: Array, variance: float, inertia: float) -> float:
+def form_share(p: Problem, residual: Array, variance: float) -> float:
     """Share of the residual's `variance` that is an error of form, which does not average out."""
-    least = (thresholds.FORM_ERROR**2 + _misplaced(p, float(p.shapes.slip[0]))) * p.coulomb**2
-    if any(controlled(rows.capture) for rows in p.parts):
-        least += thresholds.ANSWERED_NOISE * p.acceleration_noise / len(residual) * inertia**2
-    return min(max(least / variance, _repeating(residual)), 1.0)
-
-
-def _misplaced(p: Problem, slip: float) -> float:
-    """Mean square of the friction's error where reversals are misplaced by an encoder step, over its square."""
-    total = 0.0
-    for rows in p.parts:
-        hidden, span = step_time(rows), rows.q * rows.capture.dt
-        size = min(thresholds.MISPLACED, thresholds.STEPS_MISPLACED * rows.capture.encoder_step / slip)
-        speed = motion(rows)[:, VELOCITY]
-        rate = float(np.sum(np.diff(np.sign(speed)) != 0.0)) / (len(speed) * rows.places.step * rows.capture.dt)
-        total += rows.rows * 2.0 * size**2 * rate * hidden * min(1.0, hidden / span) ** 2
-    return total / sum(rows.rows for rows in p.parts)
+    return min(max((thresholds.FORM_ERROR * p.coulomb) ** 2 / variance, _repeating(residual)), 1.0)
 
 
 def _correlation(residual: Array) -> Array:
