@@ -258,9 +258,14 @@ def _within_limits(setup: Setup, trajectory: Trajectory) -> None:
 def _beyond(setup: Setup, need: _Need) -> Problem:
     unit = f"{need.unit}{need.direction}"
     reason, value = f"the trajectory needs {need.needed:.6g} {unit}", f"{need.allowed:.6g} {unit}"
+    change = "make the motion shorter" if need.direction else "make the motion slower"
+    if need.direction and need.allowed < 0.0:
+        ends = ", ".join(f"{end * setup.file.axis.travel_per_unit:g}" for end in setup.file.limits.travel)
+        reason, value = f"the motion begins {-need.allowed:.6g} {need.unit} outside", f"[{ends}] {need.unit}"
+        change = "begin within the travel"
     remedy = (
-        "lower the trajectory's amplitude, speed or frequency, or raise the limit in "
-        f"{setup.path} and try it: stagectl simulate {shlex.quote(str(setup.path))} TRAJECTORY"
+        f"{change}, or raise the limit in {setup.path} and try it: "
+        f"stagectl simulate {shlex.quote(str(setup.path))} TRAJECTORY"
     )
     return _unmoved(Problem(reason, ProblemKind.LIMIT, f"limits.{need.limit}", value, need.unit), remedy)
 

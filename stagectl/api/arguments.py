@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import functools
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -68,8 +69,20 @@ def switched_off(without: Iterable[str], compensator: str = "model") -> frozense
 
         for name in unknown:
             if name not in answered():
-                raise ArgumentError("without", name, f"; must be one of {', '.join((*known, *answered()))}")
+                near = difflib.get_close_matches(name, (*known, *answered()), 1)
+                hint = f": did you mean {near[0]}?" if near else f"; must be one of {', '.join((*known, *answered()))}"
+                raise ArgumentError("without", name, hint)
     return frozenset("friction" if name == compensator else name for name in names)
+
+
+def path_of(name: str, value: object, wanted: str) -> Path:
+    """`value` as a path; `wanted` says what the argument `name` takes.
+
+    Raises ArgumentError where it is no path.
+    """
+    if isinstance(value, str | os.PathLike):
+        return Path(value)
+    raise ArgumentError(name, f"of type {type(value).__name__}", f"; must be {wanted}")
 
 
 def paths_of(places: PathLike | Sequence[PathLike]) -> list[Path]:

@@ -110,6 +110,9 @@ def compare(
 
     Raises TrialError where the variants are wrong or a run is stopped, ArgumentError for a plant next to a drive.
     """
+    for variant in variants:
+        if not isinstance(variant, str):
+            raise ArgumentError("variant", variant, '; must be text, each variant by itself: "off", "ptc+friction"')
     machine, source = machine_of(stage, simulate, plant), as_trajectory(trajectory)
     place = unused(f"compare-{source.name}") if folder is None else Path(folder)
     shown = Shown(say or (lambda _: None), partial(reported, progress))

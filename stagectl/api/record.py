@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.api.arguments import PathLike
+from stagectl.api.arguments import PathLike, path_of
 from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.evaluation import evaluate, latched_reference
 from stagectl.extras import require
 from stagectl.kernels import rollout
-from stagectl.recording.hdf5 import Recording, open_recording, quantities, save
+from stagectl.problem import ProblemKind
+from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, quantities, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -113,6 +114,10 @@ class MotionRecord(PrintedResult):
         Raises RecordingError where the file cannot be written, or is of another kind.
         """
         target = self.path if path is None else Path(path)
+        if not target.suffix:
+            what = "is a folder" if target.is_dir() else "has no ending"
+            reason = f"{target} {what}: give a file such as {target / 'run.h5' if target.is_dir() else f'{target}.h5'}"
+            raise RecordingError(reason, target, ProblemKind.FILE)
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.suffix == ".h5":
             save(target, self.recording.meta, self.samples, self.recording.ended, self.recording.complete)
@@ -160,7 +165,10 @@ def load_log(
 
     Raises RecordingError with file, row and reason.
     """
-    place, setup = Path(path), None if stage is None else as_stage(stage).setup
+    place, setup = (
+        path_of("log", path, "the path of a recording or log"),
+        None if stage is None else as_stage(stage).setup,
+    )
     if place.suffix == ".h5":
         return record_of(open_recording(place))
     if place.is_dir() and not (place / "captures.yaml").is_file():

@@ -9,13 +9,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stagectl.api.arguments import PathLike
+from stagectl.api.arguments import PathLike, path_of
 from stagectl.api.result import PrintedResult, Sheet, gains_frame
 from stagectl.compensation.forms import name_of
 from stagectl.config import stage_file
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
-from stagectl.config.patch import Change, check_values, patched, replace_file
+from stagectl.config.patch import Change, check_values, in_si, patched, replace_file
 from stagectl.extras import require
 
 if TYPE_CHECKING:
@@ -112,12 +112,15 @@ class DesignedStage(PrintedResult):
         return detached(report.bode(judged_loops(self.setup.stage, self.setup.file.control), self.loop))
 
     def changed(self, values: Mapping[str, Any]) -> DesignedStage:
-        """The stage with SI values by dotted name, in memory: ``{"mechanics.inertia": 0.0102}``.
+        """The stage with values by dotted name, in memory: ``{"mechanics.inertia": 0.0102}``.
 
+        A number is in SI; a text has its unit: ``{"limits.speed": "200 mm/s"}``.
         Raises ConfigError where there is no such entry, DesignError where the loop would be refused.
         """
         axis = self.setup.file.axis
-        patch = patched(self.text, values, Lengths(axis.kind, axis.lead))
+        lengths = Lengths(axis.kind, axis.lead)
+        values = in_si(self.text, values, lengths)
+        patch = patched(self.text, values, lengths)
         if not patch.changes:
             return self
         setup = stage_file.load_stage(self.path, text=patch.text)
@@ -151,7 +154,7 @@ def load_stage(path: PathLike, *, judged: bool = True) -> DesignedStage:
 
     Raises ConfigError with every error of the file, DesignError where the phase margin is too small.
     """
-    return DesignedStage(stage_file.load_stage(Path(path), judged))
+    return DesignedStage(stage_file.load_stage(path_of("stage", path, "a path, or what load_stage returned"), judged))
 
 
 def as_stage(stage: StageLike) -> DesignedStage:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stagectl.api.arguments import ArgumentError, PathLike
+from stagectl.api.arguments import ArgumentError, PathLike, path_of
 from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage
 from stagectl.config import trajectory_file
@@ -124,7 +124,7 @@ def load_trajectory(
     """
     if isinstance(source, tuple):
         return TrajectorySource(Path("samples.csv"), *_sampled(*source), stage)
-    path = Path(source)
+    path = path_of("trajectory", source, "a path, or a tuple (time, position)")
     read = TrajectorySource(path, read_text(path), None, stage)
     if stage is not None:
         read.bound(stage.setup)

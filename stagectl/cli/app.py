@@ -12,8 +12,11 @@ import errno
 import importlib
 import inspect
 import os
+import re
 import shlex
+import signal
 import sys
+import threading
 from keyword import iskeyword
 from typing import Annotated, Any, NoReturn
 
@@ -158,7 +161,7 @@ def main() -> None:
     """Entry of the command; a user's mistake never ends in a traceback."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # figures go into pages: no window, no toolkit in memory
     try:
-        _end(application(*sys.argv[1:2])(standalone_mode=False))
+        _end(_run())
     except typer.TyperException as error:  # words that are no command, or that a command does not take
         _fail(_usage(error))
     except ArgumentError as error:
@@ -174,6 +177,37 @@ def main() -> None:
         _fail("aborted: nothing has changed", 1)
 
 
+def _run() -> object:
+    """The exit code of the command.
+
+    A callback from C swallows an interrupt, as in numba's compiler, whose next step then fails: that is one, too.
+    """
+    verbs, before, seen = application(*sys.argv[1:2]), signal.getsignal(signal.SIGINT), list[int]()
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        return verbs(standalone_mode=False)
+
+    def interrupt(number: int, _: object) -> NoReturn:
+        seen.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    sys.unraisablehook = _unless_interrupted
+    try:
+        return verbs(standalone_mode=False)
+    except Exception as error:
+        if seen and not isinstance(error, StageError | OSError | typer.TyperException | typer.Abort):
+            return INTERRUPTED
+        raise
+    finally:
+        signal.signal(signal.SIGINT, before)
+        sys.unraisablehook = sys.__unraisablehook__
+
+
+def _unless_interrupted(lost: sys.UnraisableHookArgs) -> None:
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+
+
 def _end(code: object) -> NoReturn:
     """Exit as the verb says; typer has taken an interrupt."""
     if code == INTERRUPTED:
@@ -185,7 +219,10 @@ def _usage(error: typer.TyperException) -> str:
     """What is wrong with the words that were typed, and the command that shows which are right."""
     words = error.format_message() if hasattr(error, "format_message") else str(error)
     context = getattr(error, "ctx", None)
-    return f"{words}\nsee: {context.command_path if context else 'stagectl'} --help"
+    command = context.command_path if context else "stagectl"
+    if negative := re.match(r"No such option: (-[0-9.])", words):
+        words = f"{negative[1]}... is taken for an option: write -- before it, as in `{command} -- -10mm`"
+    return f"{words}\nsee: {command} --help"
 
 
 _ADVICE = {
@@ -209,9 +246,9 @@ def _with_next(error: StageError) -> str:
     if file is None or file.suffix not in (".yaml", ".yml"):
         return f"{error.problems[0]}{_OTHER_FILE}" if file else str(error)
     if kind := configuration.kind(file):
-        return (
-            f"{file} is a valid {kind} file, but another kind is expected here: the stage file comes first; see --help"
-        )
+        other = "stage" if kind == "trajectory" else "trajectory"
+        words = f"{file} is a valid {kind} file, but a {other} file is expected here"
+        return f"{words}: the stage file comes first; see --help"
     return f"{error}\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
 
 

@@ -24,6 +24,7 @@ from stagectl.units import Quantity
 _LOOK = 0.1  # s between two looks at a recording
 _LONGEST = 86400.0  # s of a recording without an end
 _TIME, _SHARE = Quantity("s", "[-inf, inf]", "time; the service knows its range"), Quantity("", "[-inf, inf]", "share")
+_FOR, _PAST = Quantity("s", f"(0, {_LONGEST:g}]", "duration"), Quantity("s", f"[0, {_LONGEST:g}]", "time before now")
 
 
 def scope(
@@ -138,8 +139,8 @@ def record(
 
     Example: stagectl record --for "10 s" -o recordings/now.h5
     """
-    seconds = quantity("for", time_, _TIME, "it such as '10 s'") if time_ else _LONGEST
-    past = quantity("before", before, _TIME, "it such as '2 s'")
+    seconds = quantity("for", time_, _FOR, "it such as '10 s'") if time_ else _LONGEST
+    past = quantity("before", before, _PAST, "it such as '2 s'")
     body = {"axis": axis, "name": name, "before": past, "seconds": seconds}
     begun = ask_service(socket, "POST", "/v1/recordings", body)
     console.print(f"recording {begun['axis']}" + ("" if time_ else "; Ctrl-C ends"))

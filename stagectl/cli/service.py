@@ -159,9 +159,10 @@ def follow(
 
 def uploaded(trajectory: Path) -> dict[str, Any]:
     """A trajectory file with its tables, as the service takes it."""
+    from stagectl.config.source import read_text
     from stagectl.config.trajectory_file import tables_of
 
-    text = trajectory.read_text(encoding="utf-8")
+    text = read_text(trajectory)
     return {"name": trajectory.stem, "yaml": text, "tables": tables_of(trajectory, text)}
 
 

@@ -97,6 +97,8 @@ class Reader:
         return Problem("is not known", ProblemKind.UNKNOWN, remedy=near)
 
     def _tagged(self, tag: Tagged, node: yaml.Node, name: str) -> Any:
+        if not name and not isinstance(node, yaml.MappingNode):
+            return self.entries(node, name, ())
         key, choices = below(name, tag.key), tuple(tag.blocks)
         chosen = entry_of(node, tag.key)
         if chosen is None and tag.default and isinstance(node, yaml.MappingNode):

@@ -21,14 +21,14 @@ import yaml
 
 from stagectl.config import yaml_edit
 from stagectl.config.bounds import LONGEST_SHOWN, SAME_VALUE
-from stagectl.config.hints import tag_of
+from stagectl.config.hints import plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, node_at, read_text
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import load_stage
 from stagectl.config.unit_format import hint_at, worded
 from stagectl.problem import Problem, ProblemKind
-from stagectl.units import StageError
+from stagectl.units import StageError, UnitError, quantity_of
 
 KEPT: Any = object()  # the value of an entry that stays as it is while its block becomes another one
 _MARK = b"\xef\xbb\xbf"
@@ -91,6 +91,23 @@ def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
         else:
             result = _with_value(result, Entry(name, value, hint, lengths))
     return result
+
+
+def in_si(text: str, values: Mapping[str, Any], lengths: Lengths) -> dict[str, Any]:
+    """`values` for the stage file `text`, with a text such as ``200 mm/s`` as a number in SI.
+
+    Raises ConfigError where there is no such entry, or the unit does not fit.
+    """
+    root, numbers = yaml_edit.root_of(text), dict(values)
+    for name, value in values.items():
+        hint = hint_at(StageFile, name, root)
+        if isinstance(value, str) and plain(without_none(hint)) is float:
+            unit = lengths.unit_of(quantity_of(hint))
+            try:
+                numbers[name] = lengths.number(value, unit)
+            except UnitError as error:
+                raise ConfigError(Problem(str(error), ProblemKind.UNIT, name, value, unit)) from error
+    return numbers
 
 
 def _with_block(before: Patched, name: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:

@@ -71,6 +71,19 @@ def _limits(file: StageFile) -> Iterator[Problem]:
         unit = "m" if axis.kind == LINEAR else "rad"
         reason = f"must be at most limits.following_error, {moving:g} {unit}"
         yield Problem(reason, _CONFLICT, "limits.following_error_at_rest", f"{at_rest:g} {unit}", unit)
+    yield from _following_error(file)
+
+
+def _following_error(file: StageFile) -> Iterator[Problem]:
+    """The encoder must see less than the limit, and the travel must hold more."""
+    axis, limits, encoder = file.axis, file.limits, file.encoder
+    count = encoder.step or (2.0 * math.pi / encoder.counts_per_revolution if encoder.counts_per_revolution else 0.0)
+    span = limits.travel[1] - limits.travel[0]
+    if span > 0.0 and not count < limits.following_error < span:
+        least, error, most = (size * axis.travel_per_unit for size in (count, limits.following_error, span))
+        reason = "must be more than one count of the encoder, and less than the span of limits.travel"
+        interval, unit = f"({least:.4g}, {most:.4g})", axis.travel_unit
+        yield Problem(reason, _CONFLICT, "limits.following_error", f"{error:g} {unit}", unit, interval)
 
 
 def _brake(file: StageFile) -> Iterator[Problem]:
@@ -108,6 +121,12 @@ def _drive(file: StageFile) -> Iterator[Problem]:
         reason = f"must be below drive.current_limit, {drive.current_limit:g} A, from which the drive folds back to it"
         current = f"{drive.continuous_current:g} A"
         yield Problem(reason, _CONFLICT, "drive.continuous_current", current, "A", f"(0, {drive.current_limit:g})")
+    friction = sum(file.friction.weight) if isinstance(file.friction, Operators) else file.friction.coulomb
+    if drive.current_limit * file.motor.force_constant <= friction:
+        holding = friction / file.motor.force_constant
+        reason = "the Coulomb friction holds the axis up to this limit, so it cannot move"
+        limit, unit = f"{drive.current_limit:g} A", "A"
+        yield Problem(reason, _CONFLICT, "drive.current_limit", limit, unit, f"({holding:.4g}, inf)")
 
 
 def _transmission(file: StageFile) -> Iterator[Problem]:
@@ -132,7 +151,9 @@ def _residual(file: StageFile) -> Iterator[Problem]:
 def _friction(file: StageFile) -> Iterator[Problem]:
     law = file.friction
     if isinstance(law, Rolling) and not law.shortest <= law.longest <= WIDEST_SLIPS * law.shortest:
-        yield Problem(f"must be 1 to {WIDEST_SLIPS:g} times friction.shortest", _CONFLICT, "friction.longest")
+        unit = "m" if file.axis.kind == LINEAR else "rad"
+        reason = f"must be 1 to {WIDEST_SLIPS:g} times friction.shortest, {law.shortest:.4g} {unit}"
+        yield Problem(reason, _CONFLICT, "friction.longest", f"{law.longest:.4g} {unit}", unit)
     if isinstance(law, Operators):
         yield from _paired("friction", law, "weight", "slip")
 

@@ -15,7 +15,7 @@ from stagectl.config.friction_laws import friction_of
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader
 from stagectl.config.machine_file import composed, load_axis
-from stagectl.config.source import placed
+from stagectl.config.source import entry_of, placed
 from stagectl.config.stage_blocks import Axis, Residual, StageFile
 from stagectl.config.stage_checks import conflicts
 from stagectl.config.time_outs import with_time_outs
@@ -115,6 +115,11 @@ def read_stage(reader: Reader, root: yaml.Node) -> StageFile | None:
 
 def _lengths(reader: Reader, root: yaml.Node) -> Lengths | None:
     """How lengths and angles convert; None where the axis is wrong, as then everything else would look wrong, too."""
+    trajectory = entry_of(root, "type")
+    if trajectory is not None and entry_of(root, "axis") is None:
+        remedy = "give the stage file in its place"
+        reader.refuse(trajectory, Problem("belongs to a trajectory file", ProblemKind.UNKNOWN, "type", remedy=remedy))
+        return None
     entries = reader.entries(root, "", StageFile._fields)
     if "axis" not in entries:
         remedy = f"a block of {', '.join(Axis._fields)}"

@@ -79,6 +79,10 @@ def _read(reader: Reader, root: yaml.Node) -> Any:
         reason = f"holds more than {MOST_PARTS} trajectories"
         reader.refuse(root, Problem(reason, ProblemKind.SHAPE, "parts", remedy="write several files"))
         return None
+    if entry_of(root, "type") is None and (axis := entry_of(root, "axis")) is not None:
+        remedy = "give the trajectory file in its place"
+        reader.refuse(axis, Problem("belongs to a stage file", ProblemKind.UNKNOWN, "axis", remedy=remedy))
+        return None
     return reader.value(Root, root, "")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import re
 from collections.abc import Sequence
@@ -28,9 +29,14 @@ def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
     words = name.split(".")
     for depth, word in enumerate(words):
         kind = block_of(hint, node_at(root, ".".join(words[:depth])) if depth else root)
-        if word not in getattr(kind, "_fields", ()):
-            reason = f"is not an entry of such a file: there is no {word} here"
-            raise ConfigError(Problem(reason, ProblemKind.UNKNOWN, name))
+        known = getattr(kind, "_fields", ())
+        if (tag := tag_of(hint)) and word == tag.key:
+            reason, remedy = "cannot be changed alone", f"give all of {'.'.join(words[:depth])} as a mapping"
+            raise ConfigError(Problem(reason, ProblemKind.SHAPE, name, remedy=remedy))
+        if word not in known:
+            near = difflib.get_close_matches(word, known, 1)
+            remedy = f"did you mean {'.'.join((*words[:depth], *near))}?" if near else f"known are {', '.join(known)}"
+            raise ConfigError(Problem("is not known", ProblemKind.UNKNOWN, name, remedy=remedy))
         quantity = quantity_of(hint)
         hint = fields_of(Annotated[kind, quantity] if quantity else kind)[word]
     return hint
@@ -61,7 +67,7 @@ def worded(value: Any, hint: Any, lengths: Lengths, like: str = "", column: int 
         if value and all(isinstance(entry, str) for entry in value):
             return f"[{', '.join(value)}]"
         return _list([float(entry) for entry in value], unit, lengths, like.strip("[ \n").split(",")[0], column)
-    if isinstance(value, int):
+    if isinstance(value, int) and not unit:
         return str(value)
     return _with_unit(float(value), *_chosen(abs(float(value)), unit, lengths, like))
 

@@ -24,7 +24,7 @@ from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
 from stagectl.gap.inference import unknown
-from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise, parameter_errors_of
+from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import runs
@@ -53,8 +53,8 @@ from stagectl.gap.selection import (
 from stagectl.gap.selection.linearised import Library, library_of
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
+from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
-from stagectl.gap.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.validation.validate import Validation, validate
 from stagectl.kernels.stage import Stage, sliding
 
@@ -99,9 +99,8 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     functions = unknown.functions(evidence, size, library)
     selected = select.select(evidence, library, progress, lambda now: unknown.largest(evidence, now, functions))
     timer.begin(Step.PARAMETERS)
-    errors = parameter_errors_of(session, evidence, library, selected)
+    conclusions = conclude(session, evidence, library, selected, functions, options.excluded)
     timer.begin(Step.LOCALISATION)
-    conclusions = conclude(session, evidence, selected, errors, functions, options.excluded)
     location = localise(session, evidence, selected, conclusions, functions, agreement)
     timer.begin(Step.VALIDATION)
     validation = validate(session, evidence, selected, conclusions)

@@ -118,7 +118,10 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
         if unit in ("m", "mm", "um", "nm"):
             return Scales(LINEAR)
     what = f"a position in {known[0]}" if known else "no column position_<unit>"
-    reason = f"{path}: the kind of the axis is not known from {what}; give --stage, or write nominal.yaml next to it"
+    reason = (
+        f"{path}: the kind of the axis is not known from {what}; give --stage, or a position in rad, deg, m or mm, or "
+        "write nominal.yaml next to it"
+    )
     raise RecordingError(reason, path, ProblemKind.UNIT)
 
 

@@ -27,7 +27,7 @@ from stagectl.recording.csv_layout import WORDS, Layout, last_rows, layout
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
-from stagectl.units import StageError
+from stagectl.units import LINEAR, ROTARY, StageError
 
 
 def read(
@@ -149,12 +149,21 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
             known[name] = ours_and_factor
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
+        _of_this_kind(path, names, scales)
         reason = (
             f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say which are "
             "they: --columns time=NAME,position=NAME:mm"
         )
         raise RecordingError(reason, path, ProblemKind.MISSING, column=sorted(absent)[0])
     return known, notes
+
+
+def _of_this_kind(path: Path, names: list[str], scales: Scales) -> None:
+    """Raise RecordingError where our own export is of the other kind of axis."""
+    kind, unit = (LINEAR, "m") if scales.kind == ROTARY else (ROTARY, "rad")
+    if (name := header("measured", unit)) in names:
+        reason = f"{path} has {name}, so its axis is {kind}, and the stage's is {scales.kind}: give the log's own stage"
+        raise RecordingError(reason, path, ProblemKind.CONFLICT, column=name)
 
 
 def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:

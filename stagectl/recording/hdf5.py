@@ -205,12 +205,15 @@ def _opened(path: Path) -> Iterator[h5py.File]:
     except OSError as first:
         if not path.is_file():
             raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE) from first
+        if not path.stat().st_size:
+            reason = f"{path} is empty: nothing was recorded, or the copy failed; copy it again"
+            raise RecordingError(reason, path, ProblemKind.SYNTAX) from first
         _not_cut_short(path)
         try:
             file = h5py.File(path, "r", libver="latest", swmr=True)
         except OSError as error:
             raise RecordingError(
-                f"{path} is not an HDF5 file, or it is damaged: {error}; `stagectl import` reads other logs",
+                f"{path} is not an HDF5 file, or it is damaged; `stagectl import` reads other logs",
                 path,
                 ProblemKind.SYNTAX,
             ) from error

@@ -111,7 +111,7 @@ def _checked(log: Log) -> Array:
     for name in ("time", "measured"):
         if not np.all(finite := np.isfinite(log.columns[name])):
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
-            reason = f"{log.path} has no {own} in row {row} of its numbers: cut the log there"
+            reason = f"{log.path} has no number in {own}, row {row}: give the column, or cut the log there"
             raise RecordingError(reason, log.path, ProblemKind.MISSING, column=own, row=row)
     if np.any(backwards := time[1:] <= time[:-1]):
         row = int(np.argmax(backwards)) + 1

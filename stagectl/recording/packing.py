@@ -70,7 +70,10 @@ def layout(meta: Mapping[str, Any], columns: Collection[str]) -> Layout:
     else:
         band = 0.0 if law["observer"]["active"] else law["standstill_band"]
         gains = Gains(**law["feedback"], band=band, limit=law["current_limit"])
-    return Layout({name: step for name, step in steps.items() if step and name in columns}, gains)
+    stepped = {name: step for name, step in steps.items() if step and name in columns}
+    if stepped.keys() >= set(columns):  # /samples needs a column
+        del stepped["time"]
+    return Layout(stepped, gains)
 
 
 def _error(_: Gains, c: Columns) -> Prediction:

@@ -27,7 +27,9 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
     """
     if "law" not in recording.meta:
         raise RecordingError(
-            f"{recording.path} was imported: it holds no law to replay", recording.path, ProblemKind.MISSING
+            f"{recording.path} was imported: it holds no law to replay; `run` and `simulate` record one",
+            recording.path,
+            ProblemKind.MISSING,
         )
     if not {"cascade", "observer"} <= set(recording.meta["law"]):
         reason = f"{recording.path} was recorded by a version whose law was another: run it again"

@@ -36,10 +36,11 @@ def _patience(status: Status) -> float:
 
 
 def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str, Any]:
-    """The axis now; lengths in the unit of travel.  Of a `silent` loop's axis nothing is known but what it was."""
+    """The axis now; lengths in the unit of travel, None where no drive or no loop (`silent`) has said them."""
     status = board.status()
     state, fault = State(int(status.state)), Fault(int(status.fault))
-    lengths = {name: None if silent else finite(getattr(status, name) * shown.scale) for name in _LENGTHS}
+    unheard = silent or not status.tick or state in (State.CONNECTING, State.OFFLINE)
+    lengths = {name: None if unheard else finite(getattr(status, name) * shown.scale) for name in _LENGTHS}
     return {
         "axis": shown.name,
         "state": SILENT if silent else state.name.lower(),
@@ -48,7 +49,7 @@ def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str,
         "words": board.words if fault or state is State.OFFLINE else "",
         "unit": shown.unit,
         **lengths,
-        "current": None if silent else finite(status.current),
+        "current": None if unheard else finite(status.current),
         "statusword": int(status.statusword),
         "warnings": [_LIMIT_ACTIVE] if int(status.statusword) & LIMITED and not silent else [],
         "homed": bool(status.homed),

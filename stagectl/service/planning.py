@@ -17,8 +17,6 @@ from stagectl.problem import Problem
 from stagectl.service.limits import PLANNED_ROWS
 from stagectl.trajectories import Experiment, phases
 
-_PLACE = Path("trajectory.yaml")  # what messages call an uploaded file
-
 
 class Upload(NamedTuple):
     """A trajectory file as a client sent it, with the tables that it names."""
@@ -66,7 +64,8 @@ def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
     trajectory, setup = task.trajectory, task.setup
     if isinstance(trajectory, Upload):
         setup = leaving(setup, trajectory.unanswered)
-        trajectory = load_trajectory(_PLACE, axis_of(setup), trajectory.yaml, trajectory.tables)
+        place = Path(f"{task.name}.yaml")  # what messages call it
+        trajectory = load_trajectory(place, axis_of(setup), trajectory.yaml, trajectory.tables)
     check_duration(phases(trajectory).duration, setup.dt, PLANNED_ROWS)
     start = task.start.copy()
     laid_out = plan(setup, trajectory, task.feedforward, start)

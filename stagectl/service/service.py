@@ -129,7 +129,7 @@ class Service:
         if not line:
             raise ServiceError("the real-time process did not start; see the messages above")
         self.refused = json.loads(line)["refused"]
-        if not await self.until(lambda: self._companions.takes_stops(self.refused), _READY):
+        if not await self.until(self._stoppable, _READY):
             raise ServiceError(f"the stop path did not start within {_READY:.0f} s; see the messages above")
         for axis in self.axes.values():
             wire = axis.setup.file.drive.wire
@@ -137,6 +137,10 @@ class Service:
                 self.say(f"{axis.name}: {line}")
             if axis.state is State.OFFLINE:
                 self.say(f"{axis.name}: {axis.board.words}")
+
+    def _stoppable(self) -> bool:
+        """Whether stops are taken, or nothing can move: the loop has died, and `watch` starts another."""
+        return self._loop.ended is not None or self._companions.takes_stops(self.refused)
 
     # supervision
 

@@ -96,14 +96,19 @@ async def take_lock(state: Path, ends: contextlib.ExitStack) -> int:
     """
     lock = os.open(state / "lock", os.O_RDWR | os.O_CREAT, 0o600)
     ends.callback(os.close, lock)
-    end = time.monotonic() + _LOCK
+    end, process = time.monotonic() + _LOCK, "unknown"
     while True:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return lock
         except OSError as error:
             if time.monotonic() > end:
-                raise ServiceError(f"another service uses {state}: stop it first, `systemctl stop stagectl`") from error
+                with contextlib.suppress(OSError):
+                    process = (state / "running").read_text()
+                raise ServiceError(
+                    f"another service (process {process}) uses {state}: stop it first, by Ctrl-C in its terminal or by "
+                    "`systemctl stop stagectl`, or choose another --state"
+                ) from error
             await asyncio.sleep(0.1)
 
 

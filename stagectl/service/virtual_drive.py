@@ -54,7 +54,7 @@ def present(setup: Setup, say: Callable[[str], object]) -> Iterator[None]:
             f"the virtual drive reads its stage from a file, and this version of {setup.path} is in memory only: "
             "save it first, `stage = stage.save('my-stage.yaml')`"
         )
-    say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
+    say(f"no drive answers on the embedded bus `{wire.channel}`: starting a virtual one")
     machine = setup.file.virtual_drive.machine_of_the_day
     process = start(setup.path, wire.channel, setup.file.simulation.seed, machine)
     try:

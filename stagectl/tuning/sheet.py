@@ -133,8 +133,8 @@ def notes(tuned: Tuned) -> list[str]:
         )
     if whole.sensitivity.value > SENSITIVITY_PEAK:
         texts.append(
-            f"Ms = {whole.sensitivity.value:.2f} is above {SENSITIVITY_PEAK:g}, which would guarantee 6 dB and 29 deg: "
-            f"disturbances near {whole.sensitivity.frequency:.0f} Hz are amplified as much."
+            f"Ms = {whole.sensitivity.value:.2f}: disturbances near {whole.sensitivity.frequency:.0f} Hz are amplified "
+            f"by this factor.  Ms <= {SENSITIVITY_PEAK:g} would guarantee margins of 6 dB and 29 deg."
         )
     if isinstance(control, design.CascadeControl) and control.force_filter == 0.0:
         texts.append("No force filter: its corner would lie above Nyquist's frequency.")

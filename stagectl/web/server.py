@@ -62,8 +62,9 @@ async def _run(service: Service, tcp: Tcp | None) -> None:
     stopped = shutdown_signals.stop_event()
     _reserve_descriptors(service.say)
     with contextlib.ExitStack() as ends:
-        ends.callback(service.say, "stopped: all processes have ended")
+        last = ends.enter_context(contextlib.ExitStack())
         servers = _servers(service, tcp, ends)
+        last.callback(service.say, "stopped: all processes have ended")
         ends.callback(service.end)
         ends.callback(notify, "STOPPING=1")
         if await _begun(service, stopped):

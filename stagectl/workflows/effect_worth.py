@@ -55,6 +55,8 @@ def measured(running: Running, plan: tuple[int, int], keep: bool, shown: Shown) 
     """
     running.folder.mkdir(parents=True, exist_ok=True)
     rounds, dropped = list[Result](), list[str]()
+    if not running.answered():
+        shown.say(f"{running.axis}: its model has no effect to compensate, so nothing was run: see `stagectl gap`")
     while effects := running.answered():
         rounds.append(_round(running, effects, plan, shown, len(rounds) + 1))
         worst = rounds[-1]["worst"]

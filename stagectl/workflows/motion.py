@@ -162,7 +162,7 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     for line in _conditions(ended):
         say(line)
     if waits_for_sync(motion.setup):
-        say(f"the virtual plant's clock is SYNC: late cycles do not disturb it; only {HELD_UP:g} s of silence count")
+        say(f"the virtual drive waits for SYNC: late cycles change nothing, each time-out is at least {HELD_UP:g} s")
     if ended.fault:
         say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}".rstrip())
     fault = ended.words or ("" if ended.recorded else "the recorder stopped before the motion did")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,46 @@ def test_what_must_not_be_is_refused(stage: DesignedStage, folder: Path) -> None
     with pytest.raises(DesignError):
         sc.load_stage("fast.yaml")
     assert sc.load_stage("fast.yaml", judged=False).margins.phase < math.radians(20.0)
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "words"),
+    [
+        ("mechanics.inertai", 0.1, "did you mean mechanics.inertia?"),
+        ("mechanics.inertia", -1, "-1 kg m^2; must lie in (0, 1e6] kg m^2"),
+        ("mechanics.inertia", "5 mm", "'mm' does not measure kg m^2"),
+        ("friction.law", "dahl", "give all of friction as a mapping"),
+    ],
+)
+def test_a_wrong_change_says_why(stage: DesignedStage, entry: str, value: object, words: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        stage.changed({entry: value})
+    assert words in str(refused.value)
+
+
+def test_a_change_is_a_number_in_si_or_a_text_with_its_unit(stage: DesignedStage) -> None:
+    for value in (0.2, "200 mm/s"):
+        speed = stage.changed({"limits.speed": "100 mm/s"}).changed({"limits.speed": value}).setup.file.limits.speed
+        assert speed == pytest.approx(0.2 * (2 * math.pi / 0.012 if isinstance(value, str) else 1.0))
+    assert stage.changed({"mechanics.inertia": 1}).setup.file.mechanics.inertia == 1.0
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda s: sc.load_stage(s), "stage of type DesignedStage; must be a path"),
+        (lambda s: sc.simulate(s, s), "trajectory of type DesignedStage; must be a path"),
+        (lambda s: sc.load_log(3), "log of type int; must be the path"),  # type: ignore[arg-type]
+        (lambda s: sc.compare(s, SINE, ["off", "ptc"]), "each variant by itself"),  # type: ignore[arg-type]
+        (lambda s: sc.load_stage(SINE), "type belongs to a trajectory file"),
+    ],
+)
+def test_an_argument_of_another_kind_is_named(
+    stage: DesignedStage, call: Callable[[DesignedStage], object], words: str
+) -> None:
+    with pytest.raises(sc.StageError) as refused:
+        call(stage)
+    assert words in str(refused.value)
 
 
 def test_a_virtual_drive_needs_a_file(stage: DesignedStage, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,6 +30,23 @@ main()
 """
 
 
+_SWALLOWED_INTERRUPT = """\
+import ctypes, os, signal
+from stagectl.cli import app
+def verb(standalone_mode):
+    ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))()
+    raise RuntimeError("no compiled object yet")
+app.application = lambda *_: verb
+app.main()
+"""
+
+
+def test_an_interrupt_that_the_compiler_swallows_is_quiet() -> None:
+    done = subprocess.run([sys.executable, "-c", _SWALLOWED_INTERRUPT], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "error: interrupted: unwritten results are lost, nothing else has changed\n"
+
+
 @pytest.mark.parametrize("module", ["stagectl.cli.app", "typer", "stagectl.cli.motion", "numpy", "stagectl.workflows"])
 def test_an_interrupt_during_imports_is_quiet(module: str) -> None:
     words = [sys.executable, "-c", _INTERRUPTED_IMPORT, "run", str(STAGE), str(SINE), "--output", module]

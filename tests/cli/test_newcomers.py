@@ -47,6 +47,8 @@ FILES: dict[str, bytes] = {
     "picture.csv": bytes(range(256)),
     "log.xlsx": b"PK\x03\x04",
     "log.mat": b"hello" * 100,
+    "list.yaml": b"- a\n- b\n",
+    "empty.h5": b"",
     "fake.h5": b"not HDF5",
     "short.h5": b"\x89HDF\r\n\x1a\n\x03",
     "cut.h5": b"\x89HDF\r\n\x1a\n\x03\x08\x08\x00" + bytes(16) + (509003).to_bytes(8, "little") + bytes(100),
@@ -67,12 +69,16 @@ STAGES = {
     "negative.yaml": ("inertia: 0.010", "inertia: -0.010"),
     "turned.yaml": ("[-50 mm, 50 mm]", "[50 mm, -50 mm]"),
     "eds.yaml": ("stagectl-virtual.eds", "my-drive.eds"),
+    "weak.yaml": ("current_limit: 15 A", "current_limit: 1 A"),
+    "tight.yaml": ("following_error: 0.2 mm", "following_error: 1 nm"),
+    "beyond.yaml": ("[-50 mm, 50 mm]", "[10 mm, 50 mm]"),
     "interface.yaml": ("interface: embedded", "interface: sockecan"),
 }
 LOGS = {
     "empty.csv": [],
     "head.csv": [_HEAD],
     "nan.csv": [_HEAD, *(f"{k * 1e-3},nan,nan" for k in range(300))],
+    "exported.csv": ["time_s,measured_rad,measured_current_A", *_ROWS],
     "text.csv": [_HEAD, *_ROWS[:100], "0.1,abc,1", *_ROWS[101:]],
     "no-current.csv": [_HEAD.rpartition(",")[0], *(row.rpartition(",")[0] for row in _ROWS)],
     "still.csv": [_HEAD, *(f"{k * 1e-3},0.5,0" for k in range(300))],
@@ -109,6 +115,7 @@ MISTAKES = [
     (f"identify least-squares {S} empty.csv", "empty.csv", 2),
     (f"identify least-squares {S} head.csv", "head.csv", 2),
     (f"identify least-squares {S} nan.csv", "nan.csv", 2),
+    (f"import nan.csv --stage {S}", "no number in position_rad, row 1", 2),
     (f"identify least-squares {S} text.csv", "'abc'", 2),
     (f"identify least-squares {S} no-current.csv", "no-current.csv", 2),
     (f"identify least-squares {S} still.csv", "still.csv", 2),
@@ -149,6 +156,14 @@ MISTAKES = [
     (f"gap diagnose good.csv --stage {S} --model broken.xml", "broken.xml:3", 2),
     (f"gap diagnose good.csv --stage {S} --model foreign.xml", "there are: none; `stagectl export", 2),
     ("record --for 2", "--for 2", 2),
+    ("config check weak.yaml", "must lie in (1.389, inf) A (weak.yaml:29)", 1),
+    ("config check tight.yaml", "must lie in (1.144e-08, 0.1) m (tight.yaml:57)", 1),
+    (f"simulate beyond.yaml {T}", "limits.travel = [0.01, 0.05] m; the motion begins 0.01 m outside", 2),
+    ("identify least-squares config/linear-slider.yaml exported.csv", "exported.csv has measured_rad", 2),
+    ("record --for -1s", "must lie in (0,", 2),
+    ("move -10mm", "stagectl move -- -10mm", 2),
+    ("config check list.yaml", "list.yaml:1", 1),
+    ("replay empty.h5", "empty.h5 is empty", 2),
 ]
 
 

@@ -30,13 +30,14 @@ def _fitted(g: Grams) -> Grams:
 
 def _error(g: Grams, precision: np.ndarray, mean: float = 0.0) -> float:
     """Of the first amplitude."""
-    return float(np.sqrt(mean_square_error(g, ["a", "b"], np.array([mean, 0.0]), precision)[0, 0]))
+    step, error = mean_square_error(g, ["a", "b"], np.array([mean, 0.0]), precision)
+    return float(np.sqrt(error[0, 0] + step[0] ** 2))
 
 
 def test_white_noise_gives_the_textbook_covariance() -> None:
     g = _fitted(_grams(0.0))
     white = np.linalg.inv(g.both.sum(axis=0)[:2, :2])
-    found = mean_square_error(g, ["a", "b"], np.zeros(2), np.zeros(2))
+    _, found = mean_square_error(g, ["a", "b"], np.zeros(2), np.zeros(2))
     np.testing.assert_allclose(np.diag(found), np.diag(white), rtol=0.3)
 
 
@@ -59,7 +60,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         best = whole[0, 1] / whole[0, 0]
         change = np.array([[1.0, -best], [0.0, 1.0]])
         fitted = g._replace(effort=change.T @ square @ change)
-        held += abs(best) < 1.96 * mean_square_error(fitted, ["a"], np.zeros(1), np.zeros(1))[0, 0] ** 0.5
+        held += abs(best) < 1.96 * mean_square_error(fitted, ["a"], np.zeros(1), np.zeros(1))[1][0, 0] ** 0.5
     assert 0.92 < held / 400 < 0.98
 
 

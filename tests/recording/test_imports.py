@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from stagectl.config.source import ConfigError
-from stagectl.config.stage_file import load_stage
+from stagectl.config.stage_file import Setup, load_stage
 from stagectl.problem import ProblemKind
 from stagectl.recording.columns import split
 from stagectl.recording.exports import export
@@ -235,6 +235,14 @@ def test_an_import_is_a_recording(tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.samples, recording.samples)
     with refused(RecordingError, kind=KIND.MISSING, file=stored.path):
         replay(stored)
+
+
+def test_a_log_of_time_and_position_is_a_recording(tmp_path: Path, ball_screw: Setup) -> None:
+    """Both columns are counted, so neither stands for itself."""
+    (tmp_path / "log.csv").write_text("time_s,position_rad\n0,0\n0.0005,0.25\n0.001,0.5\n")
+    (recording,) = read(tmp_path / "log.csv", ball_screw)
+    (path,) = store([recording], recording.path, tmp_path / "log.h5")
+    np.testing.assert_array_equal(open_recording(path).samples, recording.samples)
 
 
 def test_the_session_clock_survives(tmp_path: Path) -> None:

@@ -107,6 +107,10 @@ class Served:
         row: dict[str, Any] = next(axis for axis in axes if name in ("", axis["axis"]))
         return row
 
+    def heard(self, name: str = "") -> dict[str, Any]:
+        """As `axis`, once its loop was heard: on a busy computer it is sometimes silent, and no figure is known."""
+        return self.until(lambda axis: axis["position"] is not None, name=name)
+
     def faults(self) -> list[str]:
         return [entry["fault"] for entry in self.ask("GET", "faults")]
 

@@ -25,11 +25,11 @@ def test_both_move_and_both_stop(tmp_path: Path, stages: tuple[str, ...]) -> Non
         group.start()  # it starts its virtual drives itself
         group.ask("POST", "enable")
         group.ask("POST", "move", to={"x": "1 mm", "y": "-2 mm"})
-        assert group.axis("x")["position"] == pytest.approx(1e-3, abs=3e-7)
-        assert group.axis("y")["position"] == pytest.approx(-2e-3, abs=3e-7)
+        assert group.heard("x")["position"] == pytest.approx(1e-3, abs=3e-7)
+        assert group.heard("y")["position"] == pytest.approx(-2e-3, abs=3e-7)
         with pytest.raises(RefusedError, match=r"limits\.travel = 0\.042 m upwards.*xy\.yaml#y"):
             group.ask("POST", "move", to={"x": "41 mm", "y": "41 mm"})  # its own limit, and x does not go alone
-        assert group.axis("x")["position"] == pytest.approx(1e-3, abs=3e-7)
+        assert group.heard("x")["position"] == pytest.approx(1e-3, abs=3e-7)
         group.ask("POST", "move", to={"x": "30 mm", "y": "30 mm"}, speed="5 mm/s", wait=False)
         bus = Embedded(str(tmp_path / "bus"))
         bus.send(frame(0, bytes([0x81, 6])))  # the drive of y boots again

@@ -31,7 +31,7 @@ def ready(machine: Served) -> None:
     machine.ask("POST", "stop")
     if machine.axis()["state"] != "standing":
         machine.ask("POST", "enable")
-    if abs(machine.axis()["reference"]) > 1e-9:
+    if abs(machine.heard()["reference"]) > 1e-9:
         machine.ask("POST", "move", to={"axis": "0 mm"}, speed="100 mm/s")
 
 
@@ -78,18 +78,25 @@ def test_a_late_sign_of_a_press_that_has_ended_moves_nothing(machine: Served) ->
     with pytest.raises(RefusedError, match="has ended"):
         machine.ask("POST", "jog", press=press, speed="5 mm/s")
     time.sleep(2.0 * HELD)
-    assert machine.axis()["reference"] == place
+    assert machine.heard()["reference"] == place
     held(machine, lambda now: now > place + 0.1e-3)  # another press begins at once
 
 
 def test_it_ends_before_the_end_of_the_travel(machine: Served) -> None:
     """At full speed into the limit: no fault, and from there the other way only."""
     held(machine, lambda place: place > 49e-3, FAST)
-    axis = standing(machine)
-    assert axis["fault"] == "" and 0.0 < 50e-3 - axis["position"] < 1e-3
-    time.sleep(HELD + 0.1)
-    with pytest.raises(RefusedError, match=r"limits\.travel"):
-        machine.ask("POST", "jog", press=next(PRESSES), speed=FAST)
+
+    def at_the_end() -> bool:
+        axis = standing(machine)
+        assert axis["fault"] == "" and 0.0 < 50e-3 - axis["position"] < 1e-3
+        time.sleep(HELD + 0.1)
+        try:
+            machine.ask("POST", "jog", press=next(PRESSES), speed=FAST)
+        except RefusedError as error:
+            return "limits.travel" in str(error)
+        return False  # on a busy computer the press was over before the end
+
+    assert any(at_the_end() for _ in range(20))
     with pytest.raises(RefusedError, match="take a lower speed"):
         machine.ask("POST", "jog", press=next(PRESSES), speed="-2 m/s")
     with pytest.raises(RefusedError, match="0"):
@@ -107,7 +114,17 @@ def test_it_does_not_end_the_motion_of_somebody_else(machine: Served) -> None:
 
 
 def test_a_second_key_is_refused_while_one_is_held(machine: Served) -> None:
-    machine.ask("POST", "jog", press=next(PRESSES), speed="5 mm/s")
-    with pytest.raises(RefusedError, match="another key"):
-        machine.ask("POST", "jog", press=next(PRESSES), speed="-5 mm/s")
-    standing(machine)
+    """On a busy computer the first press may be over before the second is asked for: again, then."""
+
+    def refused() -> bool:
+        begun = float(machine.heard()["reference"])
+        held(machine, lambda place: place > begun + 0.1e-3)
+        try:
+            machine.ask("POST", "jog", press=next(PRESSES), speed="-5 mm/s")
+        except RefusedError as error:
+            return "another key" in str(error)
+        finally:
+            standing(machine)
+        return False
+
+    assert any(refused() for _ in range(10))

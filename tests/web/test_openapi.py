@@ -56,13 +56,13 @@ def test_without_rights_nothing_is_read_nothing_moves_and_nothing_is_left(tmp_pa
         document = tmp_path / "openapi.json"  # which a stranger would not be given
         document.write_text(json.dumps(ask(machine.socket, "GET", "/openapi.json")))
         secret = (tmp_path / "state" / "token").read_text().strip()
-        before, held, there = machine.axis(), machine.descriptors(), files(tmp_path)
+        before, held, there = machine.heard(), machine.descriptors(), files(tmp_path)
         words = ["--header", token % secret] if token else []
         done = fuzzed(str(document), "--url", f"http://{address}", *words, "--checks", "not_a_server_error")
         assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
         if not token:
             assert SECRET not in done.stdout + done.stderr
-        after = machine.axis()
+        after = machine.heard()
         assert {key: after[key] for key in UNMOVED} == {key: before[key] for key in UNMOVED}
         assert abs(after["reference"] - before["reference"]) == 0.0
         assert machine.ask("GET", "parameters") and machine.holds_no_more_than(held)

@@ -40,7 +40,7 @@ def test_the_home_is_the_switch_and_the_axis_goes_on_from_there(homing: tuple[Se
     assert axis["homed"]
     assert axis["position"] == pytest.approx(diary.last["x"] - SWITCH + HOME, abs=2e-4)
     assert machine.tries("move", by={"axis": "2 mm"}, speed="10 mm/s"), machine.words
-    assert machine.axis()["position"] == pytest.approx(diary.last["x"] - SWITCH + HOME, abs=2e-4)
+    assert machine.heard()["position"] == pytest.approx(diary.last["x"] - SWITCH + HOME, abs=2e-4)
 
 
 @pytest.mark.parametrize("homing", ["here", "here-late"], indirect=True)
@@ -48,7 +48,7 @@ def test_a_home_where_it_stands_is_attained_at_once(homing: tuple[ServedZoo, Dia
     machine, _ = homing
     assert enable(machine), machine.words
     assert machine.tries("home"), machine.words
-    assert machine.axis()["position"] == pytest.approx(HOME, abs=2e-5)
+    assert machine.heard()["position"] == pytest.approx(HOME, abs=2e-5)
 
 
 @pytest.mark.parametrize(

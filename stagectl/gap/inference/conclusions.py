@@ -5,7 +5,6 @@ Held-out runs have no part in it; `validation` judges it afterwards.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,31 +40,24 @@ class Conclusions(NamedTuple):
         return [*verdict.with_signatures(self.named, self.signatures), *self.shifts]
 
 
-ParameterErrors = tuple[Mapping[str, float], Sequence[FoundEffect]]
-
-
-def parameter_errors_of(session: Session, e: Evidence, library: Library, selected: Selection) -> ParameterErrors:
-    """Standard errors of all parameters, an effect's as ``effect.parameter``, and the model's that are off."""
-    now = selected.fitted
-    known = linearised.errors(e, library, now)
-    before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
-    shifts = parameter_errors.shifts(session, e, now, known, before)
-    return known.deviations(), shifted_parameters.shifted(session, shifts, now)
-
-
 def conclude(
     session: Session,
     e: Evidence,
+    library: Library,
     selected: Selection,
-    errors: ParameterErrors,
     functions: BasisColumns,
     excluded: tuple[str, ...],
 ) -> Conclusions:
     """Names, values and the unknown, without the effects that are `excluded`."""
-    now, (deviation, shifts) = selected.fitted, errors
-    effects = verdict.named_effects(session, e, selected, deviation)
-    sure = verdict.only_named(e, selected, effects)
-    shape = unknown(e, sure, functions)
+    now, sure = selected.fitted, verdict.only_named(e, selected)
+    left = unknown(e, sure, functions)
+    shape = left.term if left else None
+    beside = (None, left.columns) if left and left.columns else (None,)
+    known = [linearised.errors(e, library, now, unnamed) for unnamed in beside]
+    largest = {name: max(errors.deviations()[name] for errors in known) for name in known[0].names}
+    effects = verdict.named_effects(session, e, selected, largest)
+    before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
+    shifts = shifted_parameters.shifted(session, parameter_errors.shifts(session, e, now, known, before), now)
     richest = with_shape(e, sure.fitted, shape) if shape is not None and shape.fields else now
     explained = [effect.name for effect in effects if effect.probability >= NAMED]
     seen = signatures(session, e, richest, (*excluded, *explained))

@@ -14,8 +14,7 @@ from stagectl.gap.inference import basis_functions, thresholds
 from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, BasisColumns
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares
-from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.residuals.partialled_out import folds, partialled_out
+from stagectl.gap.residuals.gram_matrices import Grams, folds, partialled_out
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.result.diagnosis import Coordinate
 from stagectl.gap.selection import refine

@@ -46,22 +46,25 @@ class Joint(NamedTuple):
 
 def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Joint:
     """Values of the parameters whose errors are known."""
-    p, q, deviation = session.stage.mechanics, now.model.stage.mechanics, known.deviations()
+    p, q, delay = session.stage, now.model.stage, [whole_delay(p, session.dt) for p in (now.model.stage, session.stage)]
     values = {
-        "inertia": (q.inertia, p.inertia, p.inertia),
-        "viscous": (q.viscous, p.viscous, p.viscous or max(q.viscous, 1e-300)),
-        "bias": (q.bias, p.bias, _friction_unit(session, now)),
+        "inertia": (q.mechanics.inertia, p.mechanics.inertia, p.mechanics.inertia),
+        "viscous": (q.mechanics.viscous, p.mechanics.viscous, p.mechanics.viscous or max(q.mechanics.viscous, 1e-300)),
+        "bias": (q.mechanics.bias, p.mechanics.bias, _friction_unit(session, now)),
         "time_shift": (now.model.shift, 0.0, session.dt),
-        "dead_time": (whole_delay(now.model.stage, session.dt), whole_delay(session.stage, session.dt), session.dt),
+        "dead_time": (*delay, session.dt),
+        "coulomb": (stage.sliding(q.friction), stage.sliding(p.friction), _friction_unit(session, now)),
     }
-    found = {
-        name: Estimate(value, nominal, deviation[name], scale, e.base.prior.width(name))
-        for name, (value, nominal, scale) in values.items()
-        if name in deviation
-    }
-    found["coulomb"] = _coulomb(session, e, now, known)
-    rows = np.array([_functional(name, known.names) for name in found])
-    return Joint(found, rows @ known.matrix @ rows.T)
+    rows = {name: _functional(name, known.names) for name in values}
+    names = [name for name, row in rows.items() if name == "coulomb" or row.any()]
+    of_columns = np.array([rows[name] for name in names])
+    matrix, moved = of_columns @ known.matrix @ of_columns.T, of_columns @ known.moved
+    deviation = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    estimate = {}
+    for name, step, spread in zip(names, moved.tolist(), deviation.tolist(), strict=True):
+        value, nominal, scale = values[name]
+        estimate[name] = Estimate(value + step, nominal, spread, scale, e.base.prior.width(name))
+    return Joint(estimate, matrix)
 
 
 def whole_delay(p: stage.Stage, dt: float) -> float:
@@ -73,15 +76,6 @@ def _friction_unit(session: Session, now: Fitted) -> float:
     """The friction (N m | N) to which a change is relative: the nominal one, or where there is none the fitted one."""
     nominal = stage.sliding(session.stage.friction)
     return nominal or max(stage.sliding(now.model.stage.friction), friction_family.size(session.stage))
-
-
-def _coulomb(session: Session, e: Evidence, now: Fitted, known: Errors) -> Estimate:
-    """Coulomb friction, with the deviation of the sum of all weights of its law."""
-    weights = _functional("coulomb", known.names)
-    variance = float(weights @ known.matrix @ weights)
-    nominal, value = (stage.sliding(p.friction) for p in (session.stage, now.model.stage))
-    unit, prior = _friction_unit(session, now), e.base.prior.force
-    return Estimate(value, nominal, float(np.sqrt(max(variance, 0.0))), unit, prior)
 
 
 def _functional(name: str, columns: Sequence[str]) -> Array:

@@ -7,6 +7,7 @@ in for the others, the one that explains most alone counts, and the others are i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -66,17 +67,21 @@ class Material(NamedTuple):
     alike: tuple[str, ...] = ()  # those of them that explain about as much alone
 
 
-def shifts(session: Session, e: Evidence, now: Fitted, known: Errors, before: float) -> list[Shift]:
-    """All shifts of the refitted model; `before` is the closable misfit of the nominal model."""
+def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], before: float) -> list[Shift]:
+    """All shifts of the refitted model; `before` is the closable misfit of the nominal model.
+
+    `known` are the errors next to the model alone, and beside what is unnamed.  That the unnamed is a function of one
+    coordinate is no more than a guess, so a shift is as probable as under the less favourable of the two.
+    """
     moves = {name: move for name, move in _moves(session, now).items() if set(move) <= set(refine.nuisances(e))}
-    material = _materials(known.grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * before)
-    joint = estimates(session, e, now, known)
-    parts = {name: material.get(name, Material(0.0)) for name in joint.estimates}
+    material = _materials(known[0].grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * before)
+    views = [estimates(session, e, now, errors) for errors in known]
+    parts = {name: material.get(name, Material(0.0)) for name in views[0].estimates}
     of_columns = [
-        _shift(name, joint.given(name, part.given), part.misfit / before, session.kind, part.alike)
+        _shift(name, [view.given(name, part.given) for view in views], part.misfit / before, session.kind, part.alike)
         for name, part in parts.items()
     ]
-    return [*of_columns, *_presliding(session, now)]
+    return [*of_columns, *_presliding(session, now, known)]
 
 
 def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
@@ -138,12 +143,14 @@ def _unit(name: str, kind: str) -> str:
     return linear[0] if linear and kind == "linear" else rotary
 
 
-def _shift(name: str, p: Estimate, share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
-    change, spread = (p.value - p.nominal) / p.scale, p.deviation / p.scale
-    half = NORMAL * p.deviation
+def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
+    """The shift of the first of `views`, as sure as the least sure of them."""
+    p, sure = views[0], min(_probability(name, view) for view in views)
+    error = max(float(np.hypot(view.deviation, view.value - p.value)) for view in views)
+    change, spread, half = (p.value - p.nominal) / p.scale, error / p.scale, NORMAL * error
     lowest = 0.0 if name in POSITIVE else -np.inf
     value = Value(p.value, max(p.value - half, lowest), p.value + half, _unit(name, kind))
-    return Shift(name, change, spread, share, value, _probability(name, p), alike, p.nominal == 0.0)
+    return Shift(name, change, spread, share, value, sure, alike, p.nominal == 0.0)
 
 
 def _probability(name: str, p: Estimate) -> float:
@@ -162,10 +169,10 @@ def _probability(name: str, p: Estimate) -> float:
     return float(expit(log_odds) * beyond)
 
 
-def _presliding(session: Session, now: Fitted) -> list[Shift]:
+def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:
     """The shift of the rolling zone's length; none without friction, which has no rolling zone.
 
-    It has no column of its own, so it counts as material and its deviation is a share of itself.
+    It has no column of its own, so it counts as material.  Its deviation is what the errors of all elements make of it.
     """
     p, q = session.stage.friction, now.model.stage.friction
     if min(stage.sliding(p), stage.sliding(q)) < thresholds.FRICTIONLESS * max(
@@ -173,8 +180,21 @@ def _presliding(session: Session, now: Fitted) -> list[Shift]:
     ):
         return []
     before, after = half_way(p), half_way(q)
-    estimate = Estimate(after, before, thresholds.PRESLIDING_ERROR * before, before, constants.LENGTH * before)
-    return [_shift("presliding", estimate, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
+    errors = [max(_half_way_error(now, each), thresholds.PRESLIDING_ERROR * before) for each in known]
+    views = [Estimate(after, before, error, before, constants.LENGTH * before) for error in errors]
+    return [_shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
+
+
+def _half_way_error(now: Fitted, known: Errors) -> float:
+    """Standard error of `half_way`: what it moves by where each element moves by its own error."""
+    places = [k for k, name in enumerate(known.names) if name.startswith("weight_") or name == "bristle_length"]
+    matrix = known.matrix[np.ix_(places, places)]
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    still = {baseline_fit.weight_name(k): 0.0 for k in range(len(now.model.stage.friction.operators.weight))}
+    moves = [{**still, known.names[place]: float(by)} for place, by in zip(places, size, strict=True)]
+    moved = [half_way(baseline_fit.moved(now.model, move, None, 1.0).stage.friction) for move in moves]
+    step = (np.array(moved) - half_way(now.model.stage.friction)) / size
+    return math.sqrt(max(float(step @ matrix @ step), 0.0))
 
 
 def half_way(p: stage.Friction) -> float:

@@ -24,15 +24,16 @@ from stagectl.gap.inference.thresholds import (
 )
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
-from stagectl.gap.residuals.gram_matrices import Columns, Products
-from stagectl.gap.residuals.partialled_out import against, folds, partialled_out
+from stagectl.gap.residuals.gram_matrices import Columns, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import null_ensemble, refine
+from stagectl.gap.selection import baseline_fit, null_ensemble, refine
+from stagectl.gap.selection.linearised import Unnamed
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
 
 SINGLE = ((EVEN,), (ODD,), (EVEN, ODD))  # parts of a function of one coordinate and the direction
 WITH_ACCELERATION = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # tried where no single coordinate is enough
+LEVELS = {EVEN: "bias", ODD: baseline_fit.weight_name(0)}  # what acts as a part that is the same everywhere
 COMBINED = ("speed", "position")  # coordinates that are combined with the acceleration
 
 
@@ -48,6 +49,13 @@ class ShapeFit(NamedTuple):
     def clear(self, least: float) -> bool:
         """Whether it predicts enough, and gains more than `least` and than any friction law gives."""
         return self.share >= UNKNOWN_PREDICTED and self.gain > max(least, self.limit)
+
+
+class Unexplained(NamedTuple):
+    """What no effect explains."""
+
+    term: UnknownTerm
+    columns: Unnamed | None = None  # of the functions that do; None where no coordinate orders it
 
 
 def own_columns(e: Evidence, now: Fitted) -> Columns:
@@ -81,13 +89,19 @@ def _fits(
     nuisances = [*refine.moving(e), *(direction.name for direction in refine.parameters(now))]
     g = gram_matrices.fold_sums(products, means(now.residuals))
     free, floor = partialled_out(folds(g, g.effort), g.places(nuisances)), floor_of(e)
-    machines = [against(free, place) for place in g.places(null_ensemble.member_names(products.names))]
+    machines = [_against(free, place) for place in g.places(null_ensemble.member_names(products.names))]
     fits = []
     for parts in variants:
         columns = g.places([name for part in parts for name in basis_functions.names(basis, part)])
         gain, share = _predicted(free, columns, floor)
         fits.append(ShapeFit(basis, parts, gain, share, _limit(machines, columns)))
     return fits
+
+
+def _against(g: Array, residual: int) -> Array:
+    """`g` (..., p + 1, p + 1) with the column `residual` in the place of the residual."""
+    order = [*range(g.shape[-1] - 1), residual]
+    return g[..., order, :][..., :, order]
 
 
 def _predicted(free: Array, columns: Sequence[int], floor: float) -> tuple[float, float]:
@@ -148,10 +162,15 @@ def _tabled(fit: ShapeFit) -> bool:
     return fit.basis.coordinate in TABLES and set(fit.parts) <= set(TABLES[fit.basis.coordinate][1])
 
 
-def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> UnknownTerm:
+def size(amplitudes: Array) -> float:
+    """Root mean square, and never 0: it is a standard deviation."""
+    return max(float(np.sqrt(np.mean(amplitudes * amplitudes))), 1e-300)
+
+
+def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unexplained:
     """Force over the coordinate, fitted together with the base's parameters, which have absorbed a part of it.
 
-    `products` hold the columns of the function and of these parameters.
+    `products` hold the columns of the function, of these parameters and of those of the effects.
     """
     columns = [name for part in fit.parts for name in basis_functions.names(fit.basis, part)]
     g = gram_matrices.fold_sums(products, means(now.residuals))
@@ -160,7 +179,12 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unk
     by_part = dict(zip(fit.parts, np.split(amplitudes, len(fit.parts)), strict=True))
     grid, force = _force(fit.basis, by_part)
     shape = UnknownTerm(fit.basis.coordinate, grid, force, min(fit.share, 1.0))
-    return shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
+    shape = shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
+    most = {part: size(values) for part, values in by_part.items()}
+    sizes = {name: most[part] for part in fit.parts for name in basis_functions.names(fit.basis, part)}
+    constant = LEVELS if fit.basis.coordinate != "position_mod_pitch" else {}  # waves have no level
+    levels = {constant[part]: most[part] for part in fit.parts if part in constant}
+    return Unexplained(shape, Unnamed(products, sizes, levels))
 
 
 def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array, Array]:

@@ -1,7 +1,8 @@
 """What a drive does to single commands: seen in the signature of the missing current, not in any mean force.
 
 A command in steps leaves a saw tooth over the command itself, whatever the axis does.  A delay that jitters leaves
-noise that grows with the slope of the current.  Neither moves the axis by much, and no column predicts either.
+noise that grows with the slope of the current.  Neither moves the axis by much, and no column predicts either.  A limit
+of the current that the model lacks is seen in the logs, too: the current stays where the command goes on.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from scipy import fft
 
 from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.inference import thresholds
-from stagectl.gap.inference.saturation import plateau
+from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.logs.thresholds import KNOWN_LIMIT, PLATEAU
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.half_strokes import Run
@@ -180,3 +182,39 @@ def _deviations(run: list[MissingCurrent]) -> list[Array]:
     """Of each repeat's missing current from the mean of all, with the variance of a single one."""
     mean = np.mean([log.current for log in run], axis=0)
     return [math.sqrt(len(run) / (len(run) - 1)) * (log.current - mean) for log in run]
+
+
+class Plateau(NamedTuple):
+    """The current at which the logs end under larger commands."""
+
+    current: float  # A, the largest: a limit is not below what was measured
+    spread: float  # A, from the middle of the currents at the limit to the largest one
+    gain: bool  # whether a factor on the command explains these logs as well: they hold one size of command
+
+
+def plateau(session: Session) -> Plateau | None:
+    """The limit that all logs with command and current share; None where they have none, or the model's own.
+
+    No fit is needed, and no evidence of half strokes: a pulse of milliseconds shows it.
+    """
+    logs = [(log.command, log.current, log.valid) for log in session.logs]
+    pairs = [(np.abs(x[rows]), np.abs(y[rows])) for x, y, rows in logs if x is not None and y is not None]
+    if not pairs:
+        return None
+    command, current = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    largest = float(current.max(initial=0.0))
+    held = (current > thresholds.AT_LIMIT * largest) & (command > thresholds.BEYOND_LIMIT * largest)
+    rows = sum(end - begin for begin, end in stretches(held) if end - begin >= PLATEAU)
+    if not rows or largest > KNOWN_LIMIT * session.stage.drive.current_limit:
+        return None
+    against = _against_a_gain(command[held], current[held])
+    if against > 1.0 / thresholds.LIMIT_AGAINST_GAIN:
+        return None
+    spread = largest - float(np.median(current[held]))
+    return Plateau(largest, spread, against > thresholds.LIMIT_AGAINST_GAIN)
+
+
+def _against_a_gain(command: Array, current: Array) -> float:
+    """Sum of squares that one level of the current leaves under large commands, over that of a factor on these."""
+    factor, level = float(command @ current) / float(command @ command), float(current.mean())
+    return float(np.sum((current - level) ** 2)) / max(float(np.sum((current - factor * command) ** 2)), 1e-300)

@@ -14,12 +14,11 @@ from stagectl.gap.effects.effect import Scales
 from stagectl.gap.inference import basis_functions, shape_fits, unstructured_residual
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import means
-from stagectl.gap.inference.shape_fits import ShapeFit, best_of, floor_of, least_gain, repeats_of, shape_of
+from stagectl.gap.inference.shape_fits import ShapeFit, Unexplained, best_of, floor_of, least_gain, repeats_of, shape_of
 from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS, OF_KIN
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products
-from stagectl.gap.residuals.partialled_out import folds, partialled_out
-from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
+from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
+from stagectl.gap.result.diagnosis import UNORDERED
 from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -53,7 +52,7 @@ def largest(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
     return max((fit.gain * repeats_of(e) for fit in fits if fit.clear(least)), default=0.0)
 
 
-def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTerm | None:
+def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> Unexplained | None:
     """The shape of the residual of `selected`, over the coordinate that orders it best; None where it has none.
 
     Noise has no order either: what was not repeated cannot be separated from it, so only a coordinate counts.
@@ -77,7 +76,7 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTe
 
 def _ordered(
     e: Evidence, selected: Selection, columns: tuple[Products, Columns], smooth: BasisColumns
-) -> UnknownTerm | None:
+) -> Unexplained | None:
     """The residual effort as a function of one coordinate, or of one coordinate and the acceleration there.
 
     `columns` are those of all nuisances, and those of the effects' own parameters.
@@ -88,7 +87,7 @@ def _ordered(
     explained = _explained(e, selected)
     if fits := _clear(shape_fits.single_coordinate(e, now, own, smooth), explained, least):
         best = best_of(fits)
-        return shape_of(e, now, smooth.products[best.basis.coordinate], best)
+        return shape_of(e, now, gram_matrices.with_columns(smooth.products[best.basis.coordinate], own), best)
     products, combined = shape_fits.with_acceleration(e, now, known, smooth)
     fits = _clear(combined, explained, least)
     return shape_of(e, now, products, best_of(fits)) if fits else None
@@ -112,7 +111,7 @@ def _explained(e: Evidence, selected: Selection) -> list[Explained]:
     ]
 
 
-def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, kindred: float) -> UnknownTerm | None:
+def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, kindred: float) -> Unexplained | None:
     """What repeats and is too much for any friction law, though nothing orders it; no term of the model.
 
     `kindred` is what an error in the form of a named effect may leave.
@@ -120,7 +119,7 @@ def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, 
     excess = sum(float(np.sum(residual * residual)) for residual in rows.residual) - floor_of(e)
     if excess < max(least_gain(e), BEYOND_FRICTION_LAWS * _worst_law(e, g), kindred):
         return None
-    return UNORDERED
+    return Unexplained(UNORDERED)
 
 
 def _worst_law(e: Evidence, g: Grams) -> float:

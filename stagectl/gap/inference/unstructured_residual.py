@@ -12,15 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.inference import basis_functions, thresholds
-from stagectl.gap.inference.basis_functions import TIME, BasisColumns
+from stagectl.gap.inference.basis_functions import SIDE, TIME, VELOCITY, BasisColumns
 from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_squares, ridge_fit, scatter
+from stagectl.gap.inference.shape_fits import Unexplained, own_columns, size
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
-from stagectl.gap.residuals.gram_matrices import Grams, Products
-from stagectl.gap.residuals.partialled_out import folds, partialled_out
+from stagectl.gap.residuals.gram_matrices import Grams, Products, folds, partialled_out
 from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import null_ensemble, refine
+from stagectl.gap.selection import baseline_fit, null_ensemble, refine
+from stagectl.gap.selection.linearised import Unnamed
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 BANDS = "frequency"
@@ -47,7 +48,7 @@ def mean_residual(now: Fitted, known: Products) -> MeanResidual:
     return MeanResidual(now, known, gram_matrices.fold_sums(known, means(now.residuals)))
 
 
-def in_a_band(e: Evidence, rows: FreeRows, least: float) -> UnknownTerm | None:
+def in_a_band(e: Evidence, rows: FreeRows, least: float) -> Unexplained | None:
     """A resonance: a band that holds most of the residual, and more than `least` and than any friction law.
 
     `rows` are those of the mechanics' cut.
@@ -64,10 +65,10 @@ def in_a_band(e: Evidence, rows: FreeRows, least: float) -> UnknownTerm | None:
     clear = held > thresholds.BAND_ABOVE_FORM * float((form + noise)[band].sum()) and held > least
     if not clear or held < thresholds.BAND_SHARE * whole:
         return None
-    return UnknownTerm(BANDS, *_spectrum(e, power, MECHANICS), min(held / whole, 1.0))
+    return Unexplained(UnknownTerm(BANDS, *_spectrum(e, power, MECHANICS), min(held / whole, 1.0)))
 
 
-def in_the_drive(e: Evidence, residual: MeanResidual) -> UnknownTerm | None:
+def in_the_drive(e: Evidence, residual: MeanResidual) -> Unexplained | None:
     """A current that repeats and that neither the model of the drive nor a delay of the record explains."""
     gram = residual.grams.current.sum(axis=0)
     if not gram[-1, -1] > 0.0:
@@ -82,10 +83,11 @@ def in_the_drive(e: Evidence, residual: MeanResidual) -> UnknownTerm | None:
     if after < max(thresholds.DRIVE_OF_NOISE * floor, thresholds.DRIVE_OF_FORM * before):
         return None
     power = powers(e, free_rows(e, residual, DRIVE).residual) - powers(e, _noise(e, DRIVE))
-    return UnknownTerm(BANDS, *_spectrum(e, power, DRIVE), min(after / (after + floor), 1.0), block="drive")
+    share = min(after / (after + floor), 1.0)
+    return Unexplained(UnknownTerm(BANDS, *_spectrum(e, power, DRIVE), share, block="drive"))
 
 
-def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: float) -> UnknownTerm | None:
+def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: float) -> Unexplained | None:
     """Friction or damping that has changed from run to run in another way than any effect named."""
     if functions.clock is None:
         return None
@@ -93,7 +95,16 @@ def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: flo
     (gain, noise), (first, _) = _clock_gain(e, after), _clock_gain(e, before)
     if gain < max(thresholds.CLOCK_OF_NOISE * noise, thresholds.CLOCK_OF_FORM * first, least):
         return None
-    return UnknownTerm(TIME, *_course(e, after, functions), min(gain / max(first, gain), 1.0))
+    nuisances = after.places(refine.nuisances(e))
+    amplitudes = ridge_fit(after.effort.sum(axis=0), after.places(basis_functions.CLOCK), nuisances)[len(nuisances) :]
+    (side, damping), half = np.split(amplitudes, 2), 0.5 * functions.size.speed
+    course = side + half * damping
+    force, share = course - course.mean(), min(gain / max(first, gain), 1.0)
+    most = size(force)  # that of the friction, or of the damping: each may be all of it
+    sizes = {**dict.fromkeys(SIDE, most), **dict.fromkeys(VELOCITY, most / half)}
+    levels = {baseline_fit.weight_name(0): most, "viscous": most / half}
+    columns = gram_matrices.with_columns(functions.clock, own_columns(e, now))
+    return Unexplained(UnknownTerm(TIME, basis_functions.knots(e.runs), force, share), Unnamed(columns, sizes, levels))
 
 
 def _clock_gain(e: Evidence, g: Grams) -> tuple[float, float]:
@@ -152,12 +163,3 @@ def _spectrum(e: Evidence, power: Array, cut: int) -> tuple[Array, Array]:
     gain = whitening.gains(e.base.noise, middle, e.runs[0].mean.dt)[cut]
     count = sum(float(run.weight.sum()) for run in e.runs)
     return middle, np.sqrt(np.maximum(power, 0.0) / count) / np.maximum(gain, 1e-300)
-
-
-def _course(e: Evidence, g: Grams, functions: BasisColumns) -> tuple[Array, Array]:
-    """Session clock (s), and how far the friction at half the largest speed is off its mean (N m | N)."""
-    nuisances = g.places(refine.nuisances(e))
-    amplitudes = ridge_fit(g.effort.sum(axis=0), g.places(basis_functions.CLOCK), nuisances)[len(nuisances) :]
-    side, damping = np.split(amplitudes, 2)
-    force = side + 0.5 * functions.size.speed * damping
-    return basis_functions.knots(e.runs), force - force.mean()

@@ -41,10 +41,9 @@ def _split(effect: FoundEffect) -> list[FoundEffect]:
     return [effect._replace(name="stribeck", parameters=curve, coordinate="speed", alternatives=others), effect]
 
 
-def only_named(e: Evidence, selected: Selection, effects: Sequence[FoundEffect]) -> Selection:
+def only_named(e: Evidence, selected: Selection) -> Selection:
     """`selected` without what is not named: a cause in doubt must not hide that something is there."""
-    named = {effect.name for effect in effects if effect.probability >= NAMED}
-    kept = [fitted for fitted in selected.fitted.effects if fitted.effect.name in named]
+    kept = [fitted for fitted in selected.fitted.effects if selected.probability[fitted.effect.name] >= NAMED]
     if len(kept) == len(selected.fitted.effects):
         return selected
     return selected._replace(fitted=refine.refine(e, selected.fitted.model, kept))

@@ -120,7 +120,7 @@ def _period(logs: list[RawLog]) -> tuple[float, list[str]]:
 def _gridded(log: RawLog, dt: float) -> GriddedLog:
     grid = on_control_periods(log.name, log.time, log.columns, dt)
     if not grid.exact and log.ours:
-        words = f"{log.name}: the rows of a recording of ours are not its control periods; record it again"
+        words = f"{log.name}: the rows of this recording are not its control periods; record it again"
         raise LogError("period", (log.name,), words)
     return grid
 

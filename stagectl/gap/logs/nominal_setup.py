@@ -49,7 +49,7 @@ def nominal_setup(logs: list[RawLog], setup: Setup | None) -> NominalSetup:
     own = [log for log in logs if log.ours]
     if own and len(own) < len(logs):
         other = next(log for log in logs if not log.ours)
-        words = f"{own[0].name} is a recording of ours, {other.name} is not: diagnose them separately"
+        words = f"{own[0].name} is a recording of stagectl, {other.name} is not: diagnose them separately"
         raise LogError("mixed", (own[0].name, other.name), words)
     return _of_ours(logs, axis, setup) if own else _of_others(logs, axis, setup)
 

@@ -24,7 +24,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import least_squares, run_products
 from stagectl.gap.residuals.half_strokes import Run, spans
 from stagectl.gap.residuals.run_products import RunProducts
-from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
+from stagectl.gap.residuals.thresholds import LEAST_BLOCKS, SINGULAR_NUISANCE
 from stagectl.number_format import NORMAL as NORMAL
 from stagectl.parallel import in_parallel
 
@@ -133,22 +133,15 @@ def noise(p: Products, residuals: Sequence[Sequence[Array]]) -> Array:
     return np.array([least_squares.fit(cut, range(widest - 1)).residual_sum_of_squares for cut in summed])
 
 
-def tempered(g: Grams, effort: float, current: float) -> Grams:
-    """`g` with the cuts counting with these powers of their likelihood."""
-    return g._replace(effort=effort * g.effort, current=current * g.current)
-
-
-def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Array) -> Array:
-    """Mean square error (k, k) of a fit from which amplitudes of `names` lead to what the data and a prior say.
+def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Array) -> tuple[Array, Array]:
+    """Amplitudes (k,) of `names` that lead from a fit to what the data and a prior say, and their square error (k, k).
 
     The prior lies at `mean` (k,) with the `precision` (k,): a direction that the data do not excite keeps its width.
     What a model leaves is wrong alike in all half strokes of an experiment, so whole experiments are left out in turn
-    (the jackknife, with Student's factor of 95 % for their number).  The fit knows nothing of some of the columns, so
-    that how far it is from the most probable amplitudes belongs to its error.  Source: B. Efron, The Jackknife, the
-    Bootstrap and Other Resampling Plans, 1982.
+    (the jackknife, with Student's factor of 95 % for their number).  Source: B. Efron, The Jackknife, the Bootstrap and
+    Other Resampling Plans, 1982.
     """
-    places, prior = g.places(names), np.diag(precision)
-    parts = _blocks(g)
+    places, prior, parts = g.places(names), np.diag(precision), _blocks(g)
     whole = parts.sum(axis=0)
 
     def amplitudes(summed: Array) -> Array:
@@ -160,11 +153,11 @@ def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Ar
     step, count = amplitudes(whole), len(parts)
     inverse = least_squares.inverse(whole[np.ix_(places, places)] + prior)
     if count < 2:  # one half stroke: nothing can be left out
-        return np.asarray(inverse + np.outer(step, step))
+        return step, inverse
     apart = np.array([amplitudes(whole - part) for part in parts]) - step
     factor = (student_t.ppf(0.975, count - 1) / NORMAL) ** 2 * (count - 1) / count
-    error: Array = factor * apart.T @ apart + inverse @ prior @ inverse + np.outer(step, step)
-    return error
+    error: Array = factor * apart.T @ apart + inverse @ prior @ inverse
+    return step, error
 
 
 def _blocks(g: Grams) -> Array:
@@ -173,3 +166,23 @@ def _blocks(g: Grams) -> Array:
     pieces = -(-LEAST_BLOCKS // len(experiments))
     blocks = [block for strokes in experiments for block in np.array_split(strokes, pieces) if len(block)]
     return np.array([g.both[block].sum(axis=0) for block in blocks])
+
+
+def folds(g: Grams, channel: Array) -> Array:
+    """(2, p + 1, p + 1) sums of the matrices (c, p + 1, p + 1) of one channel over the two folds of half strokes."""
+    first = run_products.first_fold(g.stroke).astype(np.float64)
+    return np.stack([np.tensordot(fold, channel, 1) for fold in (first, 1.0 - first)])
+
+
+def partialled_out(both: Array, nuisance: Sequence[int]) -> Array:
+    """The folds (2, p + 1, p + 1) with all columns and the residual less what the nuisances explain on all data."""
+    g, n = both.sum(axis=0), list(nuisance)
+    a = g[np.ix_(n, n)] + least_squares.ridge(g[n, n])
+    scale = least_squares.column_lengths(a)
+    explained = np.linalg.pinv(a / np.outer(scale, scale), rcond=SINGULAR_NUISANCE, hermitian=True) @ (
+        g[n] / scale[:, None]
+    )
+    explained = explained / scale[:, None]
+    crossed = both[:, :, n] @ explained  # columns against what nuisances make of the others
+    free: Array = both - crossed - np.swapaxes(crossed, 1, 2) + explained.T @ both[:, n][:, :, n] @ explained
+    return free

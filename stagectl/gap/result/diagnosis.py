@@ -123,7 +123,7 @@ class NextExperiment(NamedTuple):
 
 
 HELD_OUT = "held-out runs"
-UNFITTED = "blocks that chose no value"  # of the runs that the answer comes from, where none is held out
+UNFITTED = "blocks left out of the fit"  # of the runs that the answer comes from, where none is held out
 
 
 class DiagnosisResult(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -91,28 +91,49 @@ def _known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products
     return gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
 
 
+class Unnamed(NamedTuple):
+    """Columns of the effort that explain what no effect does."""
+
+    products: gram_matrices.Products  # of these, and of base, friction's form and the effects' own parameters
+    sizes: Mapping[str, float]  # of each: standard deviation of its amplitude
+    levels: Mapping[str, float]  # of columns of the base: what of their amplitudes may be the level of the unnamed
+
+
 class Errors(NamedTuple):
     """What is known of base, friction and effects next to the model that was selected."""
 
     grams: Grams  # of all columns and the residual
     names: tuple[str, ...]
-    matrix: Array  # (k, k) mean square error of their values in the model
+    moved: Array  # (k,) from their values in the model to those beside the unnamed; 0 without it
+    matrix: Array  # (k, k) mean square error there
 
     def deviations(self) -> dict[str, float]:
-        """Standard error of each parameter."""
-        return dict(zip(self.names, np.sqrt(np.maximum(np.diag(self.matrix), 0.0)).tolist(), strict=True))
+        """Standard error of each parameter's value in the model."""
+        error = np.sqrt(np.maximum(np.diag(self.matrix), 0.0) + self.moved**2)
+        return dict(zip(self.names, error.tolist(), strict=True))
 
 
-def errors(e: Evidence, library: Library, now: Fitted) -> Errors:
-    """Of all parameters of `now`, with their priors and the friction's form."""
-    g, count = gram_matrices.grams(_known(e, library, now), now.residuals), _strokes(e)
-    nuisances = _parameters(e, now, g)
-    left = _excess(g, nuisances, library.products, now)
-    counted = gram_matrices.tempered(g, *(temper(cut, count) for cut in left))
+def errors(e: Evidence, library: Library, now: Fitted, unnamed: Unnamed | None) -> Errors:
+    """Of all parameters of `now`, with their priors and the friction's form.
+
+    The fit does not know the columns of the friction's form, so that how far it is from the most probable values
+    belongs to its error.  Beside what is `unnamed`, a parameter that acts as this does is known no better than this.
+    """
+    products = unnamed.products if unnamed else _known(e, library, now)
+    g, count = gram_matrices.grams(products, now.residuals), _strokes(e)
+    nuisances, levels = _parameters(e, now, g), unnamed.levels if unnamed else {}
+    if unnamed:
+        places, size = tuple(g.places(list(unnamed.sizes))), np.array(list(unnamed.sizes.values()))
+        nuisances.append(Prior(places, np.zeros(len(places)), size))
+        g.current[:, places] = g.current[:, :, places] = 0.0
+    left = _excess(g, nuisances, products if unnamed else library.products, now)
+    counted = g._replace(effort=temper(left[0], count) * g.effort, current=temper(left[1], count) * g.current)
     order = [g.names[place] for prior in nuisances for place in prior.places]
     mean = np.concatenate([prior.mean for prior in nuisances])
     precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
-    return Errors(g, tuple(order), gram_matrices.mean_square_error(counted, order, mean, precision))
+    step, matrix = gram_matrices.mean_square_error(counted, order, mean, precision)
+    matrix += np.diag([levels.get(name, 0.0) ** 2 for name in order]) if unnamed else np.outer(step, step)
+    return Errors(g, tuple(order), step if unnamed else 0.0 * step, matrix)
 
 
 def as_form(valued: EffectValues) -> Form:

@@ -40,6 +40,8 @@ LEAST_AMPLITUDE = 0.3  # of an effect's typical amplitude, where its own is smal
 SHAPE_CHANGE = 0.05  # of a shape, for its sensitivity
 
 # -- null ensemble: machines with another law of friction --------------------------------------------------------------
+ENSEMBLE_MEMBERS = {False: 24, True: 40}  # by `Options.full`; columns of the friction's error of form
+ENSEMBLE_SEED = 20100  # arbitrary; fixed, so that a diagnosis can be repeated
 ZONE_SPREAD = 0.2  # standard deviation of the logarithm of the rolling zone
 ELEMENT_COUNTS = (5, 16)  # Maxwell-slip elements, from and below
 SLIP_RANGE = (0.02, 0.55)  # of the rolling zone

@@ -41,7 +41,8 @@ def import_log(
     try:
         return [Imported(recording, None) for recording in read(path, setup, words)]
     except RecordingError as error:
-        if path.is_dir() or error.problems[0].kind not in (ProblemKind.MISSING, ProblemKind.UNIT) or _complete(words):
+        unnamed = error.problems[0].kind in (ProblemKind.MISSING, ProblemKind.UNIT) and not error.row
+        if path.is_dir() or not unnamed or _complete(words):
             raise
     return [_guessed(path, setup, words or {}, known, unsure)]
 

@@ -1,5 +1,6 @@
 // The connection to the service: one live connection that reconnects by itself, and single requests.
 
+export const SILENT = "The service does not answer: where an axis still moves, press the emergency stop";
 const place = sessionStorage;
 let key = "";
 
@@ -22,14 +23,14 @@ function headers() {
   return key ? { Authorization: `Bearer ${key}` } : {};
 }
 
-// The answer as JSON; a refusal is thrown as an Error with the words of the service.
+// The answer as JSON; a refusal, and silence, are thrown as an Error with words for a person.
 export async function ask(method, what, body) {
   const about = { method, headers: headers() };
   if (body !== undefined) {
     about.headers["Content-Type"] = "application/json";
     about.body = JSON.stringify(body);
   }
-  const answer = await fetch(what, about);
+  const answer = await fetch(what, about).catch(() => { throw new Error(SILENT); });
   const result = await answer.json();
   if (!answer.ok) throw new Error(result.error || `${answer.status}`);
   return result;

@@ -1,7 +1,7 @@
 // The page: one live connection, and each part of the page shown what concerns it.
 
 import { Health } from "./health.js";
-import { KIND, Link, setKey, takeKey, unpack } from "./link.js";
+import { KIND, Link, SILENT, setKey, takeKey, unpack } from "./link.js";
 import { Orders } from "./orders.js";
 import { fixed, si } from "./plot.js";
 import { Records } from "./records.js";
@@ -71,7 +71,19 @@ function closed(code) {
     at("door-words").textContent = sessionStorage.getItem("stagectl-key") ? "This key is wrong." : "This page needs a key.";
     say("no key", true);
     at("door-key").focus();
-  } else say(code === 1013 ? "too many viewers; trying again" : "the service does not answer; trying again", true);
+  } else {
+    say(code === 1013 ? "too many viewers; trying again" : "the service does not answer; trying again", true);
+    gone();
+  }
+}
+
+// Nothing of the machine is known any more: no figure of the past stands there as if it were of now.
+function gone() {
+  words(at("state"), SILENT);
+  at("fault").hidden = true;
+  for (const id of ["position", "reference", "error", "speed", "current", "homed"]) words(at(id), "not known");
+  at("progress").className = "";
+  orders.gone();
 }
 
 at("door").onsubmit = (event) => {
@@ -116,7 +128,7 @@ function state(now) {
   at("fault").hidden = !wrong;
   words(at("fault-name"), now.fault ? `${now.fault.replaceAll("_", " ")}:` : "");
   words(at("fault-words"), now.words);
-  const linear = now.unit === "m";
+  const linear = now.unit === "m", heard = now.position !== null;
   const place = (value, digits) => (linear ? fixed(value, 1e-3, digits, "mm") : fixed(value, 1, digits + 1, "rad"));
   words(at("position"), place(now.position, 5));
   words(at("reference"), place(now.reference, 5));
@@ -124,7 +136,7 @@ function state(now) {
   words(at("error"), linear ? (small ? fixed(now.error, 1e-9, 1, "nm") : fixed(now.error, 1e-6, 3, "µm")) : fixed(now.error, 1e-6, 1, "µrad"));
   words(at("speed"), linear ? fixed(now.speed, 1e-3, 2, "mm/s") : fixed(now.speed, 1, 4, "rad/s"));
   words(at("current"), now.current === null ? "not known" : si(Math.abs(now.current) < 5e-4 ? 0 : now.current, "A", 3));
-  words(at("homed"), now.homed ? "known" : "not homed");
+  words(at("homed"), now.homed ? "known" : heard ? "not homed" : "not known");
   const going = now.state === "moving" && now.progress !== null;
   at("progress").className = going ? "on" : "";
   if (going) at("progress").value = now.progress;

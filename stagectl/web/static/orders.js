@@ -4,6 +4,7 @@ import { Jog } from "./jog.js";
 import { ask } from "./link.js";
 
 const at = (id) => document.getElementById(id);
+const STILL = ["standing", "disabled", "fault"];
 const POWERED = ["standing", "moving", "homing", "drive_homing", "stopping"];
 
 export class Orders {
@@ -57,7 +58,7 @@ export class Orders {
 
   take(now, all) {
     const state = now.state, powered = POWERED.includes(state);
-    const moving = all.some((one) => ["moving", "homing", "drive_homing", "stopping", "enabling", "no_answer"].includes(one.state));
+    const moving = all.some((one) => !STILL.includes(one.state));  // or nobody knows whether it does
     this.jog.take(state);
     at("enable").disabled = !["disabled", "offline"].includes(state);
     at("disable").disabled = !powered;
@@ -66,5 +67,10 @@ export class Orders {
     at("stop").disabled = !moving;
     at("quick-stop").disabled = !moving && !powered;
     for (const id of ["move", "sine"]) at(id).querySelector("button").disabled = state !== "standing";
+  }
+
+  // The service is gone: a stop can still be asked for, and is answered with what to do.
+  gone() {
+    this.take({ state: "no_answer" }, [{ state: "no_answer" }]);
   }
 }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stagectl.gap.inference import basis_functions, coordinates, shape_fits
-from stagectl.gap.residuals.partialled_out import partialled_out
+from stagectl.gap.residuals.gram_matrices import partialled_out
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.kernels import effects
 

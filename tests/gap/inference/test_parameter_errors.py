@@ -1,15 +1,24 @@
 """Parameters that are off: what a force constant that is off would explain as well."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from stagectl.config.stage_file import load_stage
 from stagectl.gap.inference import parameter_errors
 from stagectl.gap.inference.estimates import Estimate, Joint
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
 from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
+from stagectl.gap.selection.linearised import Errors
+from stagectl.gap.selection.refine import Fitted
 from stagectl.kernels import friction, stage
+from tests.gap.captured import CONFIG
+
+NOTHING: Any = None
 
 
 def shift(name: str, change: float, sure: bool = True) -> Shift:
@@ -60,11 +69,20 @@ def test_otherwise_it_is_no_candidate(shifts: list[Shift]) -> None:
     ],
 )
 def test_a_shift_is_sure_large_and_material(value: float, deviation: float, share: float, sure: bool) -> None:
-    changed = parameter_errors._shift("inertia", Estimate(value, 1.0, deviation, 1.0, 0.3), share, "rotary")
+    changed = parameter_errors._shift("inertia", [Estimate(value, 1.0, deviation, 1.0, 0.3)], share, "rotary")
     assert changed.sure is sure and changed.value.unit == "kg m^2"
     assert changed.change == pytest.approx(value - 1.0) and changed.value.high == pytest.approx(
         value + 1.96 * deviation
     )
+
+
+def test_a_shift_is_no_surer_than_beside_what_is_unnamed() -> None:
+    """There a tenth of the inertia may belong to it; and where that makes it surer, it is no surer."""
+    alone, beside = Estimate(1.1, 1.0, 0.01, 1.0, 0.3), Estimate(1.02, 1.0, 0.1, 1.0, 0.3)
+    found, turned = (parameter_errors._shift("inertia", views, 0.3, "rotary") for views in ([alone, beside], [beside]))
+    assert found.probability == turned.probability < 0.5
+    assert found.change == pytest.approx(0.1) and found.deviation == pytest.approx(np.hypot(0.1, 0.08))
+    assert parameter_errors._shift("inertia", [beside, alone], 0.3, "rotary").probability == found.probability
 
 
 @pytest.mark.parametrize(("value", "expected"), [(0.02, 0.5), (0.021, 0.841), (-0.019, 0.159)])
@@ -117,3 +135,23 @@ def test_half_of_the_friction_turns_round_in_half_its_length() -> None:
     """One stop operator of 3 um: straight to its end, after twice its slip."""
     p = stage.Friction(friction.bundle([2.0], [3e-6]), friction.Stribeck())
     assert parameter_errors.half_way(p) == pytest.approx(3e-6, rel=0.02)
+
+
+def test_the_rolling_zone_is_as_uncertain_as_its_elements() -> None:
+    """Three elements of equal weight turn round one after the other: more of the longest, and half way is later.
+
+    Errors that are common to all elements change the friction, and not its length.
+    """
+    p = load_stage(CONFIG / "ball-screw.yaml").stage
+    model = TrackedModel(
+        p._replace(friction=stage.Friction(friction.bundle([1.0] * 3, [1e-6, 4e-6, 1e-5]), friction.Stribeck())),
+        NOTHING,
+    )
+    now, names = Fitted(model, (), [], 0.0), tuple(f"weight_{k}" for k in range(3))
+    error = {}
+    for size in (0.0, 0.05, 0.1):
+        of_last = np.diag([0.0, 0.0, size**2])
+        error[size] = parameter_errors._half_way_error(now, Errors(NOTHING, names, np.zeros(3), of_last))
+    assert error[0.0] == 0.0 < error[0.05] and error[0.1] == pytest.approx(2.0 * error[0.05], rel=0.2)
+    common = Errors(NOTHING, names, np.zeros(3), np.full((3, 3), 0.1**2))
+    assert parameter_errors._half_way_error(now, common) < 0.1 * error[0.1]
