@@ -103,8 +103,9 @@ def design(p: stage.Stage, control: Settings) -> Controller:
 
 def _unloading(p: stage.Stage, dt: float) -> unloading.Unloading:
     """How the feedback gives up what it took at rest, where the friction is fed forward."""
-    mean = stage.sliding(p.friction) / stage.longest_slip(p.friction)
-    return unloading.Unloading(*(dt * rate / p.motor.force_constant for rate in (stage.stiffness(p.friction), mean)))
+    sliding, gain = stage.sliding(p.friction), p.motor.force_constant
+    mean = sliding / stage.longest_slip(p.friction)
+    return unloading.Unloading(dt * stage.stiffness(p.friction) / gain, dt * mean / gain, 2.0 * sliding / gain)
 
 
 def designed_observer(p: stage.Stage, control: Settings, designed: Feedback) -> observer.Observer:

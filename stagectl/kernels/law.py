@@ -143,5 +143,5 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
     if p.observer.active:  # without the friction compensation, or it would see all the friction and compensate it again
         seen = observer.updated(p.observer, x.observer, measured, current - r.friction)
     output = Output(error, terms.proportional, terms.integral, terms.derivative, against, command, current)
-    held = unloading.after(x.unloading, r.velocity, given_up, terms.proportional + terms.integral)
+    held = unloading.after(p.unloading, x.unloading, r.velocity, given_up, terms.proportional + terms.integral)
     return output, State(pid, outer, seen, held)

@@ -3,7 +3,7 @@
 ::
 
     moving     carried = P + I                                 unloaded falls by rate |v|, and I with it
-    at rest    unloaded = P + I - carried        (A)
+    at rest    unloaded = P + I - carried, within -range of the last motion's sense and 0        (A)
 
 An axis that arrives too far is turned back by the feedback.  It stays within the friction's presliding, so this takes a
 part of the load off the friction, and the integral holds it.  The next motion is laid out from friction that still
@@ -12,7 +12,9 @@ gives way to the error is too slow for that, and the axis is dragged off its pat
 took at rest, over the way in which the friction is loaded: a motion against the sign of what is held stretches it as a
 spring, with its stiffness at rest; one along it reverses it, with the mean stiffness over presliding.
 
-What the feedback carried before the axis came to rest, such as a weight, stays.
+A motion leaves the friction loaded against it, so a standstill can only change the current against the sense of the
+last motion, and by no more than friction has from sliding one way to sliding the other.  A change the other way is a
+load that was put on, and stays; so does what the feedback carried before the axis came to rest, such as a weight.
 """
 
 from __future__ import annotations
@@ -28,17 +30,19 @@ class Unloading(NamedTuple):
 
     against: float = 0.0  # A s/rad | A s/m, where the motion is against the sign of what is held
     along: float = 0.0  # A s/rad | A s/m, where it has the same sign
+    range: float = 0.0  # A, from sliding one way to sliding the other
 
 
 class State(NamedTuple):
     """What the feedback carries."""
 
-    carried: float  # A, when the reference moved last; NaN: it has not moved yet
-    unloaded: float  # A, by which that changed at rest
+    carried: float  # A, when the reference moved last
+    unloaded: float  # A, by which friction may have changed that at rest
+    sense: float  # +1 or -1, of that motion; 0: the reference has not moved yet
 
 
 ABSENT = Unloading()
-AT_REST = State(math.nan, 0.0)
+AT_REST = State(0.0, 0.0, 0.0)
 
 
 @kernel
@@ -51,8 +55,9 @@ def given_up(p: Unloading, x: State, velocity: float) -> float:
 
 
 @kernel
-def after(x: State, velocity: float, change: float, carrying: float) -> State:
+def after(p: Unloading, x: State, velocity: float, change: float, carrying: float) -> State:
     """The memory after a period in which the integral changed by `change` (A); P + I is now `carrying` (A)."""
     if velocity != 0.0:
-        return State(carrying, x.unloaded + change)
-    return x if math.isnan(x.carried) else State(x.carried, carrying - x.carried)
+        return State(carrying, x.unloaded + change, math.copysign(1.0, velocity))
+    along = (carrying - x.carried) * x.sense
+    return State(x.carried, x.sense * max(min(along, 0.0), -p.range), x.sense)

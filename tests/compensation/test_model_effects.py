@@ -12,6 +12,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.gap.effects.effect import Definition, Scales
 from stagectl.gap.effects.library import EFFECTS, answered, definitions, left_out
 from stagectl.kernels import unloading
+from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.kernels.stage import Stage
 from stagectl.plan import Plan, Start, plan
 from stagectl.simulation import simulate
@@ -165,6 +166,22 @@ def test_an_effect_is_left_to_the_feedback(ball_screw: Setup) -> None:
     ahead, motion = left.controller.feedforward, MOTIONS["sine of 5 mm"]
     without = ball_screw._replace(stage=left_out(p, ["cogging"]))
     assert np.array_equal(plan(left, motion, ahead).setpoints, plan(without, motion, ahead).setpoints)
+
+
+@pytest.mark.parametrize(("load", "worst"), [(0.2, 1.0), (-0.2, 0.6)])
+def test_a_load_put_on_at_rest_does_no_more_harm_than_before(ball_screw: Setup, load: float, worst: float) -> None:
+    """Along the last motion it is no unloaded friction and stays; against it, it unloads the friction, too."""
+    motion = SCurve(2e-3, 20e-3, 1.0, 40.0, 1.0, 2, True)
+    rows = plan(ball_screw, motion, ball_screw.controller.feedforward).setpoints
+    on = int(0.75 * motion.duration / 2.0 / ball_screw.dt)
+    rows[on:, SETPOINT_COLUMNS["learned"]] -= load
+    law, again = ball_screw.controller.law, int(motion.duration / 2.0 / ball_screw.dt)
+    laid_out = plan(ball_screw, motion, ball_screw.controller.feedforward)._replace(setpoints=rows)
+    with_it, without = (
+        np.abs(simulate(ball_screw, laid_out, running)["error"][again:]).max()
+        for running in (law, law._replace(unloading=unloading.ABSENT))
+    )
+    assert with_it <= worst * without
 
 
 def against_effects(known: Setup, motion: Sine | SCurve) -> tuple[np.ndarray, Plan]:
