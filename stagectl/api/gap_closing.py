@@ -72,9 +72,9 @@ def close_gap(
 ) -> GapClosing:
     """Close the gap between model and machine, in the controller.
 
-    Each round records the recommended experiments, diagnoses them, applies what was found to a copy of the stage file,
-    and compares old and new controller on motions that nothing has seen.  All of it goes to `folder`, else into
-    ``recordings/``; the stage file itself stays as it is.
+    The recommended experiments are recorded once.  Each round diagnoses them against the model so far, applies what was
+    found to a copy of the stage file, and compares old and new controller on motions that nothing has seen.  All of it
+    goes to `folder`, else into ``recordings/``; the stage file itself stays as it is.
 
     Raises StageError where a run is stopped or the machine cannot be diagnosed, ArgumentError for a plant next to a
     drive.

@@ -116,12 +116,14 @@ def tune(
     peak: float | str | None = None,
     law: Literal["pid", "cascade"] | None = None,
     own_ratios: bool = False,
+    at_rest: bool = True,
 ) -> TunedGains:
     """Design the feedback from the stage's model, with its period and all its delays.
 
     `bandwidth` is in Hz, without one the fastest design that keeps the margins is found.  `margin` is the least phase
     margin in rad, else that of the stage file; `peak` the largest peak of the sensitivity, 2 without a bandwidth.  All
-    three may be text with a unit: ``"30 deg"``.  `own_ratios` keeps the ratios of the stage's own cascade.
+    three may be text with a unit: ``"30 deg"``.  `own_ratios` keeps the ratios of the stage's own cascade.  `at_rest`:
+    only designs with which the axis comes to rest where the model's friction holds it.
 
     Raises ArgumentError for a value out of range, TuningError where no design keeps the margins.
     """
@@ -135,6 +137,5 @@ def tune(
     if least is not None:
         control = control._replace(margin=least)
     family = families.family(designed.setup.stage, control, law or families.law_of(control), own_ratios)
-    return TunedGains(
-        designed, tuning.tuned(family, tuning.Demand(control.margin, largest), hertz), with_margin=least is not None
-    )
+    demand = tuning.Demand(control.margin, largest, at_rest)
+    return TunedGains(designed, tuning.tuned(family, demand, hertz), with_margin=least is not None)

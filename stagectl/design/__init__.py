@@ -23,7 +23,7 @@ from stagectl.design.control import (
     speed,
 )
 from stagectl.design.margins import Margins, Rational, compensator, limit_cycle_frequency, margins, plant, with_observer
-from stagectl.kernels import feedback, feedforward, law, observer, stage
+from stagectl.kernels import feedback, feedforward, law, observer, stage, unloading
 from stagectl.problem import Problem, ProblemKind
 
 __all__ = [
@@ -68,8 +68,12 @@ class Controller(NamedTuple):
             with_friction=ahead.with_friction and "friction" not in layers,
             with_effects=ahead.with_effects and "effects" not in layers,
         )
-        watching = observer.ABSENT if "observer" in layers else self.law.observer
-        return Controller(self.law._replace(observer=watching), ahead)
+        running = self.law
+        if "observer" in layers:
+            running = running._replace(observer=observer.ABSENT)
+        if "friction" in layers:
+            running = running._replace(unloading=unloading.ABSENT)
+        return Controller(running, ahead)
 
 
 def design(p: stage.Stage, control: Settings) -> Controller:
@@ -93,7 +97,15 @@ def design(p: stage.Stage, control: Settings) -> Controller:
     )
     running = law_of(designed, control.period, p.drive.current_limit)
     band = control.standstill_band * p.encoder.step
-    return Controller(running._replace(observer=watching, standstill_band=band), anticipation)
+    held = _unloading(p, control.period) if "friction" in layers else unloading.ABSENT
+    return Controller(running._replace(observer=watching, standstill_band=band, unloading=held), anticipation)
+
+
+def _unloading(p: stage.Stage, dt: float) -> unloading.Unloading:
+    """How the feedback gives up what it took at rest, where the friction is fed forward."""
+    sliding, gain = stage.sliding(p.friction), p.motor.force_constant
+    mean = sliding / stage.longest_slip(p.friction)
+    return unloading.Unloading(dt * stage.stiffness(p.friction) / gain, dt * mean / gain, 2.0 * sliding / gain)
 
 
 def designed_observer(p: stage.Stage, control: Settings, designed: Feedback) -> observer.Observer:

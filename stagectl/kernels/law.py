@@ -15,14 +15,15 @@ simulator, replay, tests.
 
 An encoder does not see less than a count, so a loop with an integrator hunts about a target between two counts.  While
 the reference stands still and nothing is injected, an error within the `standstill_band` is left alone: the integral
-keeps the current that carries the friction, and the axis rests.
+keeps the current that carries the friction, and the axis rests.  What it took at rest it gives up as the axis moves on
+(`kernels.unloading`).
 """
 
 from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from stagectl.kernels import cascade, feedback, observer
+from stagectl.kernels import cascade, feedback, observer, unloading
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -38,6 +39,7 @@ class Law(NamedTuple):
     cascaded: bool = False  # which of the two feeds back
     observer: observer.Observer = observer.ABSENT
     standstill_band: float = 0.0  # rad | m, error that is left alone while the reference stands still; 0: none
+    unloading: unloading.Unloading = unloading.ABSENT
 
 
 class Setpoint(NamedTuple):
@@ -59,6 +61,7 @@ class State(NamedTuple):
     feedback: feedback.State
     cascade: cascade.State
     observer: observer.State
+    unloading: unloading.State = unloading.AT_REST
 
 
 class Output(NamedTuple):
@@ -102,6 +105,17 @@ def acted_on(p: Law, r: Setpoint, error: float) -> float:
 
 
 @kernel
+def _integral_changed(p: Law, x: State, change: float) -> tuple[feedback.State, cascade.State]:
+    """Both feedbacks, the integral of the one that acts changed by `change` (A)."""
+    pid, outer = x.feedback, x.cascade
+    if change != 0.0 and p.cascaded:
+        outer = cascade.State(outer.error, outer.integral + change, outer.filtered, outer.last, outer.before)
+    elif change != 0.0:
+        pid = feedback.State(pid.error, pid.integral + change, pid.derivative)
+    return pid, outer
+
+
+@kernel
 def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]:
     """One period: the current for this measured position (rad | m)."""
     if r.closed == 0.0:
@@ -109,12 +123,14 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
         return Output(0.0, 0.0, 0.0, 0.0, 0.0, known, limited(p, known)), AT_REST
     error = r.target - measured
     driving = acted_on(p, r, error)
-    pid, outer = x.feedback, x.cascade
+    given_up = unloading.given_up(p.unloading, x.unloading, r.velocity)
+    pid, outer = _integral_changed(p, x, given_up)
+    before = outer.integral if p.cascaded else pid.integral
     if p.cascaded:
-        terms, outer = cascade.step(p.cascade, x.cascade, (driving, r.velocity), measured)
+        terms, outer = cascade.step(p.cascade, outer, (driving, r.velocity), measured)
         driving = outer.error
     else:
-        terms, pid = feedback.step(p.feedback, x.feedback, driving)
+        terms, pid = feedback.step(p.feedback, pid, driving)
     known = r.feedforward + r.friction + r.learned + r.injection
     against, seen = 0.0, x.observer
     if p.observer.active:
@@ -122,9 +138,10 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
     command = terms.proportional + terms.integral + terms.derivative + against + known
     current = limited(p, command)
     if current != command and driving * command > 0.0:  # anti-windup: do not integrate further into the limit
-        pid = feedback.State(pid.error, x.feedback.integral, pid.derivative)
-        outer = cascade.State(outer.error, x.cascade.integral, outer.filtered, outer.last, outer.before)
+        pid = feedback.State(pid.error, before, pid.derivative)
+        outer = cascade.State(outer.error, before, outer.filtered, outer.last, outer.before)
     if p.observer.active:  # without the friction compensation, or it would see all the friction and compensate it again
         seen = observer.updated(p.observer, x.observer, measured, current - r.friction)
     output = Output(error, terms.proportional, terms.integral, terms.derivative, against, command, current)
-    return output, State(pid, outer, seen)
+    held = unloading.after(p.unloading, x.unloading, r.velocity, given_up, terms.proportional + terms.integral)
+    return output, State(pid, outer, seen, held)

@@ -93,6 +93,14 @@ def stiffness(p: Friction) -> float:
     return float(sum(a * r for a, r in pairs)) + (p.bristle.stiffness if p.bristle.coulomb > 0.0 else 0.0)
 
 
+def longest_slip(p: Friction) -> float:
+    """Displacement (rad | m) over which the last element that carries slips; of any where there is no friction."""
+    bristle = p.bristle.coulomb / p.bristle.stiffness if p.bristle.coulomb else 0.0
+    elements = [(float(slip), weight > 0.0) for slip, weight in zip(p.operators.slip, p.operators.weight, strict=True)]
+    loaded = [slip for slip, carries in elements if carries]
+    return max([*loaded, bristle]) or max((slip for slip, _ in elements), default=1.0)
+
+
 def steps_that_hold(p: Stage, dt: float, least: int) -> int:
     """Integration steps of a period `dt` (s): `least`, or as many as the friction's stiffness needs."""
     turn = math.sqrt(stiffness(p.friction) / p.mechanics.inertia) * dt

@@ -33,10 +33,13 @@ def _carrying(p: law.Law, start: law.State, asked: law.Setpoint, measured: float
     missing = current - after.command
     if p.cascaded:  # the integral passes the force filter: of what is added now only this share comes out now
         outer = start.cascade
-        added = missing / (1.0 - p.cascade.retained)
-        return start._replace(cascade=outer._replace(integral=outer.integral + added))
-    inner = start.feedback
-    return start._replace(feedback=inner._replace(integral=inner.integral + missing))
+        missing /= 1.0 - p.cascade.retained
+        start = start._replace(cascade=outer._replace(integral=outer.integral + missing))
+    else:
+        inner = start.feedback
+        start = start._replace(feedback=inner._replace(integral=inner.integral + missing))
+    held = start.unloading  # what was taken at rest is as large as before
+    return start._replace(unloading=held._replace(carried=held.carried + missing))
 
 
 def shifted(x: law.State, by: float) -> law.State:

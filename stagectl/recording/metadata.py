@@ -14,7 +14,7 @@ from stagectl.compensation.forms import name_of
 from stagectl.config.machine_file import text_of
 from stagectl.config.stage_file import Setup
 from stagectl.design import Controller
-from stagectl.kernels import cascade, feedback, law, observer
+from stagectl.kernels import cascade, feedback, law, observer, unloading
 from stagectl.kernels.jit import source_hash
 from stagectl.plan import Plan
 
@@ -108,5 +108,6 @@ def read_law(values: dict[str, Any]) -> law.Law:
         "feedback": feedback.Pid(**values["feedback"]),
         "cascade": cascade.Cascade(**values["cascade"]),
         "observer": observer.Observer(**values["observer"]),
+        "unloading": unloading.Unloading(**values.get("unloading", {})),
     }
     return law.Law(**{**values, **blocks})

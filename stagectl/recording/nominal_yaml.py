@@ -161,6 +161,7 @@ def _controller(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
         **_anticipation(file, meta),
         **_observer(meta),
         "standstill_band": meta["law"].get("standstill_band", 0.0),
+        "unloading": list(meta["law"].get("unloading", {}).values()) or None,
         "states_at_first_row": _START,
         "anti_windup": _ANTI_WINDUP,
         "command_limit_A": meta["law"]["current_limit"],

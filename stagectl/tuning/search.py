@@ -26,6 +26,7 @@ class Demand(NamedTuple):
 
     margin: float  # rad, phase margin of each loop
     peak: float = math.inf  # Ms of the loop cut at the current
+    at_rest: bool = True  # whether the axis must come to rest where the model's friction holds it
 
 
 class Tuned(NamedTuple):
@@ -120,7 +121,7 @@ def _holds(family: Family, demand: Demand, bandwidth: float) -> bool:
         phase, peak = essence(loop)
         if phase < demand.margin or (number == 0 and peak > demand.peak):
             return False
-    return _swings(family, bandwidth) is None
+    return not demand.at_rest or _swings(family, bandwidth) is None
 
 
 def _swings(family: Family, bandwidth: float) -> float | None:
@@ -216,7 +217,8 @@ def _best(family: Family) -> Nearest:
 
 def _required(demand: Demand) -> str:
     peak = f" and Ms of at most {demand.peak:g}" if math.isfinite(demand.peak) else ""
-    return f"required are at least {math.degrees(demand.margin):g} deg{peak}, and an axis that comes to rest"
+    rest = ", and an axis that comes to rest" if demand.at_rest else ""
+    return f"required are at least {math.degrees(demand.margin):g} deg{peak}{rest}"
 
 
 def _span(family: Family) -> str:

@@ -37,18 +37,20 @@ class Share(NamedTuple):
     interval: tuple[float, float] | None  # 95 %, from the repeats; None with fewer than three
 
 
-def shares(errors: Errors, effects: tuple[str, ...]) -> dict[str, Share]:
+def shares(errors: Errors, effects: tuple[str, ...], dropped: tuple[str, ...] = ()) -> dict[str, Share]:
     """The share of each effect and of the `REST`, from the recordings of `errors`; they sum to 1.
 
-    Empty where no error went.
+    Those that are `dropped` from the feedforward have none.  Empty where no error went.
     """
-    return shares_of([{name: _traces(row["recordings"]) for name, row in motion.items()} for motion in errors.values()],
-                     effects)  # fmt: skip
+    motions = [{name: _traces(row["recordings"]) for name, row in motion.items()} for motion in errors.values()]
+    return shares_of(motions, effects, dropped)
 
 
-def shares_of(motions: list[dict[str, Array]], effects: tuple[str, ...]) -> dict[str, Share]:
+def shares_of(
+    motions: list[dict[str, Array]], effects: tuple[str, ...], dropped: tuple[str, ...] = ()
+) -> dict[str, Share]:
     """The same from error traces (repeats, n) of each variant, a mapping a motion."""
-    products = np.sum([_products(traces, effects) for traces in motions], axis=0)
+    products = np.sum([_products(_without(traces, dropped), effects) for traces in motions], axis=0)
     gains = _between_repeats(products)
     if gains.sum() <= 0.0:
         return {}
@@ -58,6 +60,12 @@ def shares_of(motions: list[dict[str, Array]], effects: tuple[str, ...]) -> dict
         name: Share(share, (share - wide, share + wide) if math.isfinite(wide) else None)
         for name, share, wide in zip((*effects, REST), value.tolist(), half, strict=True)
     }
+
+
+def _without(traces: dict[str, Array], dropped: tuple[str, ...]) -> dict[str, Array]:
+    """Error traces of one motion as they are without these effects, whose changes add up."""
+    change = sum((traces[f"{WITHOUT}{name}"] - traces[AFTER] for name in dropped), np.zeros_like(traces[AFTER]))
+    return {name: trace if name == BEFORE else trace + change for name, trace in traces.items()}
 
 
 def _products(traces: dict[str, Array], effects: tuple[str, ...]) -> Array:

@@ -3,8 +3,11 @@
 ::
 
     STAGE.yaml --> stage-0.yaml --> record --> diagnose --> stage-1.yaml --> compare on unseen motions --+
-                        ^                                                                                |
-                        +------------------------------ the error shrank: again <------------------------+
+                                                  ^                                                      |
+                                                  +---------- the error shrank: the same records, <------+
+                                                              against the new model
+
+The records are of the machine, whatever its model is: they are made once, with the controller of the first one.
 
 A round is kept where the rms tracking error on the unseen motions shrinks, on the machine, by more than its repeats
 vary, and neither rms nor peak grows on any of them by more than a tenth.  Each motion counts alike, by the ratio of its
@@ -63,6 +66,11 @@ class Closing(NamedTuple):
         """The stage file after so many rounds."""
         return self.folder / f"stage-{number}.yaml"
 
+    @property
+    def records(self) -> Path:
+        """The recordings that every round is diagnosed from."""
+        return self.folder / "records"
+
     def setup(self, version: Path) -> Setup:
         """A version as it runs here: on the bus of the machine, with paths from the folder of its stage file."""
         machine = self.machine.setup
@@ -94,6 +102,7 @@ def close(closing: Closing, shown: Shown) -> Result:
     if not begun.exists():
         begun.write_text(text_of(closing.machine.setup.path), encoding="utf-8")
     with ready(closing.machine, shown):  # one drive for all: a virtual one is the machine of the first model
+        _record(closing, closing.setup(begun), shown)
         rounds, ended = _rounds(closing, begun, shown)
         return _result(closing, [done for done in rounds if done.kept], ended, shown)
 
@@ -119,8 +128,7 @@ def _round(closing: Closing, stage: Path, number: int, shown: Shown) -> Round | 
     """One round from the model `stage`; words instead where there is nothing more to apply."""
     setup = closing.setup(stage)
     place = closing.folder / f"round-{number}"
-    _recorded(closing, setup, place, shown)
-    found = _diagnosed(place, shown)
+    found = _diagnosed(closing, setup, place, shown)
     if not found.named:
         return found.sentence.rstrip(".")
     try:
@@ -176,18 +184,21 @@ def _where(found: DiagnosisResult) -> str:
     return ", ".join([*blocks, *(f"over the {coordinate_label(one.name)} {percent(one.share)}" for one in most)])
 
 
-def _recorded(closing: Closing, setup: Setup, place: Path, shown: Shown) -> None:
+def _record(closing: Closing, setup: Setup, shown: Shown) -> None:
     machine = closing.machine._replace(setup=setup)
     experiments = campaigns.chosen((*battery(setup), *held_out(setup)), [], [])
-    result = campaigns.record(campaigns.planned(machine, experiments, closing.repeats, place, closing.seed), shown)
-    if result["stopped"]:
-        raise GapError(f"the recording was stopped: {result['stopped']}; the same command goes on")
+    campaign = campaigns.planned(machine, experiments, closing.repeats, closing.records, closing.seed)
+    if stopped := campaigns.record(campaign, shown)["stopped"]:
+        raise GapError(f"the recording was stopped: {stopped}; the same command goes on")
 
 
-def _diagnosed(place: Path, shown: Shown) -> DiagnosisResult:
+def _diagnosed(closing: Closing, setup: Setup, place: Path, shown: Shown) -> DiagnosisResult:
+    """What the records hold beyond the model of `setup`."""
     with shown.bar("diagnosis", 100) as update:
-        found = pipeline.diagnose(load_session.load([place]), pipeline.Options(advice=False), in_percent(update)).result
+        session = load_session.load([closing.records], setup)
+        found = pipeline.diagnose(session, pipeline.Options(advice=False), in_percent(update)).result
         update(100, 100)
+    place.mkdir(parents=True, exist_ok=True)
     result_json.save(found, place)
     return found
 
@@ -229,24 +240,22 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
     if not rounds:
         return answer
     effects = tuple(dict.fromkeys(name for done in rounds for name in done.found if name in answered()))
-    errors = _judged(closing, rounds[-1].stage, "judged", shown, effects)
-    if dropped := [name for name in effects if smaller(errors, AFTER, f"{WITHOUT}{name}")]:
+    errors = tried = _judged(closing, rounds[-1].stage, "judged", shown, effects)
+    dropped = tuple(name for name in effects if smaller(errors, AFTER, f"{WITHOUT}{name}"))
+    if dropped:
         model = _unanswered(closing, rounds[-1].stage, dropped)
         shown.say(f"left to the feedback, as the error is smaller without it: {', '.join(map(label, dropped))}")
-        effects = tuple(name for name in effects if name not in dropped)
-        errors = _judged(closing, model, "judged-again", shown, effects)
+        errors = _judged(closing, model, "judged-again", shown, ())
         answer |= {"dropped": dropped, "model": str(model)}
-    levels = {name: level(errors, name) for name in next(iter(errors.values()))}
-    gave = shares(errors, effects)
-    foretold = _foretold(closing, Path(answer["model"]), shown)
+    gave = shares(tried, tuple(name for name in effects if name not in dropped), dropped)
     return {
         **answer,
         "errors": errors,
         "shares": {name: one.share for name, one in gave.items()},
         "share_intervals": {name: one.interval for name, one in gave.items()},
-        "levels": levels,
+        "levels": {name: level(errors, name) for name in (BEFORE, AFTER)},
         "peaks": {name: level(errors, name, "peak") for name in (BEFORE, AFTER)},
-        "foretold": foretold,
+        "foretold": _foretold(closing, Path(answer["model"]), shown),
     }
 
 
@@ -263,7 +272,7 @@ def _judged(closing: Closing, model: Path, place: str, shown: Shown, effects: tu
     return _compared(closing, setups, closing.folder / place, shown, effects)
 
 
-def _unanswered(closing: Closing, model: Path, dropped: list[str]) -> Path:
+def _unanswered(closing: Closing, model: Path, dropped: tuple[str, ...]) -> Path:
     """A version whose feedforward leaves out what these effects change."""
     setup = closing.setup(model)
     places = (*setup.file.control.unanswered, *(place for name in dropped for place in EFFECTS[name].places))

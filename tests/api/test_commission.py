@@ -13,10 +13,13 @@ import pytest
 
 from stagectl.api import commission as steps
 from stagectl.api.commission import NAMES, Commissioning, commission
+from stagectl.api.tuning import tune
 from stagectl.config.stage_file import load_stage
+from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.units import StageError
-from stagectl.workflows import stage_versions
+from stagectl.workflows import loop_trial, stage_versions
 from stagectl.workflows.machine_of_the_day import MOST_EFFECTS, drawn
+from stagectl.workflows.trials import TrialError
 from tests.conftest import CONFIG, movable
 from tests.short_battery import shorten
 
@@ -144,3 +147,40 @@ def test_a_refused_stage_is_never_put_in_place(stage: Path) -> None:
     assert (kept / "closed.html").read_text() == "why"
     assert stage_versions.back(stage) == kept and stage.read_text() == text
     shutil.rmtree(stage.with_suffix(".versions"))
+
+
+def test_a_loop_that_only_the_friction_of_the_model_holds_back_is_tried(
+    stage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The better one on the machine is taken; the calm one where the other was stopped."""
+    text = stage.read_text()
+    assert "shortest: 0.3 um" in text
+    stage.write_text(text.replace("shortest: 0.3 um", "shortest: 0.01 um").replace("longest: 9 um", "longest: 0.3 um"))
+    p = going(stage, [])
+    calm, fast = tune(p.stage), tune(p.stage, at_rest=False)
+    assert calm.bandwidth < 0.7 * fast.bandwidth
+    for rms, better in (({"calm": 2e-7, "fast": 1e-7}, fast), ({"calm": 1e-7, "fast": 2e-7}, calm)):
+        monkeypatch.setattr(loop_trial, "errors", lambda *_, rms=rms: rms)
+        found, words = steps._faster(p, calm)
+        assert found.bandwidth == better.bandwidth
+        assert "100 nm rms" in words and "200 nm" in words
+
+    def stopped(*_: object) -> dict[str, float]:
+        raise TrialError("the run was stopped: following error")
+
+    monkeypatch.setattr(loop_trial, "errors", stopped)
+    found, words = steps._faster(p, calm)
+    assert found is calm and "following error" in words
+    stage.write_text(text)
+    monkeypatch.setattr(loop_trial, "errors", lambda *_: pytest.fail("nothing holds it back"))
+    calm = tune(p.stage)
+    assert steps._faster(p, calm) == (calm, "")
+
+
+@pytest.mark.parametrize("name", ["ball-screw", "linear-slider"])
+def test_the_moves_of_a_trial_stand_still_for_a_third_of_the_time(name: str) -> None:
+    setup = load_stage(CONFIG / f"{name}.yaml")
+    motion = loop_trial.trial(setup)
+    rows = motion.setpoints(setup)
+    still = float(np.mean(rows[:, SETPOINT_COLUMNS["velocity"]] == 0.0))
+    assert still > 1.0 / 3.0 and motion.duration < 8.0

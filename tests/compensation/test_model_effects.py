@@ -11,6 +11,8 @@ from stagectl.compensation import model_effects
 from stagectl.config.stage_file import Setup
 from stagectl.gap.effects.effect import Definition, Scales
 from stagectl.gap.effects.library import EFFECTS, answered, definitions, left_out
+from stagectl.kernels import unloading
+from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.kernels.stage import Stage
 from stagectl.plan import Plan, Start, plan
 from stagectl.simulation import simulate
@@ -26,17 +28,12 @@ MOTIONS: dict[str, Sine | SCurve] = {
     "S-curves": SCurve(20e-3, 50e-3, 0.4, 10.0, 0.2, 2),
     "stop and go": SCurve(2e-3, 20e-3, 1.0, 40.0, 0.3, 4, True),
 }
+# Errors of motions that stop are one or two counts of the encoder where nothing is missing: they are known to a count.
+COUNT = {"S-curves": 12e6 / 2**20, "stop and go": 12e6 / 2**20}  # nm
 DEFINITIONS = {effect.name: effect for effect in definitions(SCALES) if effect.name in answered()}
 # Of what the drive meets at once, a current that lags can answer a part only: the load that it catches across a gap.
 # Four times the thermal rise is 1.4 times the friction, and what is left of it at a reversal grows with it.
 WITHIN = {"backlash": 3.0, "thermal_coulomb": 1.6}
-# Twice what there is, on motions that stop.  Too much current on arrival lets the axis overshoot, and the feedback
-# turns it back.  That unloads the friction: the current at rest falls from 1.53 to 1.14 A, while the next start is laid
-# out from friction that still carries its load.  Too little current leaves that load where it is.  A fade with the
-# reference's speed is no remedy, as all of Stribeck's rise lies there: without it the right value costs 200 nm on
-# arrival, not 30.  A Stribeck rise is worse than none beyond 1.2 times its value, a ripple beyond 1.6 times, whatever
-# the band at standstill is.  `gap close` and `effects` drop what makes the error grow.
-OVERDONE = {"stribeck": 4.5, "current_ripple": 1.7}
 MANY = {"backlash", "compliance", "coulomb_asymmetry"}  # four times their typical size is no machine any more
 
 
@@ -75,7 +72,8 @@ def test_a_known_effect_costs_no_accuracy(
         pytest.skip("no machine")
     machine = ball_screw._replace(stage=having(ball_screw.stage, DEFINITIONS[name], times))
     for motion, least in plain_peaks.items():
-        assert peak(machine, machine, MOTIONS[motion]) <= WITHIN.get(name, 1.5) * least, motion
+        most = WITHIN.get(name, 1.5) * least + COUNT.get(motion, 0.0)
+        assert peak(machine, machine, MOTIONS[motion]) <= most, motion
 
 
 def test_every_effect_that_a_current_answers_is_tried() -> None:
@@ -143,9 +141,22 @@ def test_one_effect_is_left_out(ball_screw: Setup) -> None:
 def test_a_wrong_value_is_no_worse_than_none_up_to_its_double(name: str, ball_screw: Setup) -> None:
     effect = DEFINITIONS[name]
     machine, doubled = (ball_screw._replace(stage=having(ball_screw.stage, effect, times)) for times in (1.0, 2.0))
-    for motion, worst in (("sine of 5 mm", 1.1), ("stop and go", OVERDONE.get(name, 1.15))):
-        none = peak(ball_screw, machine, MOTIONS[motion])
-        assert peak(doubled, machine, MOTIONS[motion]) <= worst * none, motion
+    for motion, worst in (("sine of 5 mm", 1.1), ("stop and go", 1.15)):
+        most = worst * peak(ball_screw, machine, MOTIONS[motion]) + COUNT.get(motion, 0.0)
+        assert peak(doubled, machine, MOTIONS[motion]) <= most, motion
+
+
+def test_a_friction_that_is_too_large_on_arrival_does_no_harm_at_the_next_start(ball_screw: Setup) -> None:
+    """It lets the axis overshoot, and the feedback that turns it back unloads the friction: see `kernels.unloading`."""
+    p = ball_screw.stage
+    machine, doubled = (ball_screw._replace(stage=having(p, DEFINITIONS["stribeck"], times)) for times in (1.0, 2.0))
+    law = doubled.controller.law
+    laid_out = plan(doubled, MOTIONS["stop and go"], doubled.controller.feedforward)
+    with_it, without = (
+        float(np.abs(simulate(doubled, laid_out, running, machine)["error"]).max())
+        for running in (law, law._replace(unloading=unloading.ABSENT))
+    )
+    assert with_it < 0.3 * without
 
 
 def test_an_effect_is_left_to_the_feedback(ball_screw: Setup) -> None:
@@ -155,6 +166,22 @@ def test_an_effect_is_left_to_the_feedback(ball_screw: Setup) -> None:
     ahead, motion = left.controller.feedforward, MOTIONS["sine of 5 mm"]
     without = ball_screw._replace(stage=left_out(p, ["cogging"]))
     assert np.array_equal(plan(left, motion, ahead).setpoints, plan(without, motion, ahead).setpoints)
+
+
+@pytest.mark.parametrize(("load", "worst"), [(0.2, 1.0), (-0.2, 0.6)])
+def test_a_load_put_on_at_rest_does_no_more_harm_than_before(ball_screw: Setup, load: float, worst: float) -> None:
+    """Along the last motion it is no unloaded friction and stays; against it, it unloads the friction, too."""
+    motion = SCurve(2e-3, 20e-3, 1.0, 40.0, 1.0, 2, True)
+    rows = plan(ball_screw, motion, ball_screw.controller.feedforward).setpoints
+    on = int(0.75 * motion.duration / 2.0 / ball_screw.dt)
+    rows[on:, SETPOINT_COLUMNS["learned"]] -= load
+    law, again = ball_screw.controller.law, int(motion.duration / 2.0 / ball_screw.dt)
+    laid_out = plan(ball_screw, motion, ball_screw.controller.feedforward)._replace(setpoints=rows)
+    with_it, without = (
+        np.abs(simulate(ball_screw, laid_out, running)["error"][again:]).max()
+        for running in (law, law._replace(unloading=unloading.ABSENT))
+    )
+    assert with_it <= worst * without
 
 
 def against_effects(known: Setup, motion: Sine | SCurve) -> tuple[np.ndarray, Plan]:

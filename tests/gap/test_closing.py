@@ -63,7 +63,7 @@ def test_a_model_that_makes_the_error_larger_is_not_kept(tmp_path: Path, monkeyp
     )  # fmt: skip
     change = SimpleNamespace(changes=("cogging",), after=STAGE.read_text(encoding="utf-8"))
     errors = measured([1e-6] * 3, [2e-6, 2.1e-6, 1.9e-6])
-    for name, value in (("_recorded", None), ("_diagnosed", found), ("_patch", change), ("_compared", errors)):
+    for name, value in (("_record", None), ("_diagnosed", found), ("_patch", change), ("_compared", errors)):
         monkeypatch.setattr(gap_closing, name, lambda *_, value=value: value)
     closed = close_gap(STAGE, plant=machine(tmp_path), rounds=3, folder=tmp_path / "closed")
     assert closed.result["rounds"] == [] and closed.model == tmp_path / "closed" / "stage-0.yaml"
@@ -135,6 +135,6 @@ def test_an_effect_that_is_dropped_is_named_in_the_new_stage_file(tmp_path: Path
     closing = gap_closing.Closing(Machine(setup, True, None), tmp_path, 1, 1)
     model = closing.version(1)
     model.write_text(STAGE.read_text(encoding="utf-8"), encoding="utf-8")
-    dropped = gap_closing._unanswered(closing, model, ["cogging", "backlash"])
+    dropped = gap_closing._unanswered(closing, model, ("cogging", "backlash"))
     assert closing.setup(dropped).file.control.unanswered == ("motor.cogging", "mechanics.transmission")
     assert closing.setup(model).file.control.unanswered == ()

@@ -83,3 +83,13 @@ def test_few_repeats_have_no_interval_and_no_gain_has_no_shares() -> None:
     assert all(one.interval is None for one in noisy(1, 2).values())
     grown = {BEFORE: np.ones((2, 5)), AFTER: 2.0 * np.ones((2, 5))}
     assert shares_of([grown], ()) == {}
+
+
+def test_without_a_dropped_effect_the_others_share_what_is_left() -> None:
+    """a = (0, 0), b = (4, 1), d_1 = (2, 0), d_2 = (1, 1), the rest (1, 0); without the second a = (1, 1)."""
+    traces = {BEFORE: (4.0, 1.0), AFTER: (0.0, 0.0), f"{WITHOUT}one": (2.0, 0.0), f"{WITHOUT}two": (1.0, 1.0)}
+    each = {name: np.array([x]) for name, x in traces.items()}
+    whole = {name: one.share for name, one in shares_of([each], ("one", "two")).items()}
+    assert whole == pytest.approx({"one": 8.0 / 17.0, "two": 5.0 / 17.0, REST: 4.0 / 17.0})
+    left = {name: one.share for name, one in shares_of([each], ("one",), ("two",)).items()}
+    assert left == pytest.approx({"one": 10.0 / 15.0, REST: 5.0 / 15.0})

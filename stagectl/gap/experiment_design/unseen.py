@@ -33,7 +33,8 @@ def _sine(p: StageScale) -> tuple[Sine, ...]:
     return (sine(p, largest_amplitude(p, _SHARE, 1.15), 1.15, 3.0),)
 
 
-def _moves(p: StageScale, distance: float, dwell: float, count: int, one_way: bool) -> tuple[SCurve, ...]:
+def moves(p: StageScale, distance: float, dwell: float, count: int, one_way: bool) -> tuple[SCurve, ...]:
+    """Strokes of limited jerk over a `distance` (m | rad), with a `dwell` (s) after each."""
     speed = largest_speed(p, _SHARE)
     slope = largest_acceleration(p, _SHARE, speed)
     return (SCurve(distance, rounded(speed), rounded(slope), rounded(slope / _JERK_TIME), dwell, count, one_way),)
@@ -42,9 +43,9 @@ def _moves(p: StageScale, distance: float, dwell: float, count: int, one_way: bo
 _RECIPES = {
     "unseen-sine": Recipe("A sine of a frequency that no experiment has.", _sine),
     "unseen-strokes": Recipe(
-        "Long strokes of limited jerk.", lambda p: _moves(p, rounded(_STROKE * p.reach), 0.1, 2, False)
+        "Long strokes of limited jerk.", lambda p: moves(p, rounded(_STROKE * p.reach), 0.1, 2, False)
     ),
     "unseen-stop-and-go": Recipe(
-        "Short moves in one direction, with stops.", lambda p: _moves(p, rounded(_STEP * p.reach), 0.2, 6, True)
+        "Short moves in one direction, with stops.", lambda p: moves(p, rounded(_STEP * p.reach), 0.2, 6, True)
     ),
 }

@@ -20,7 +20,7 @@ from stagectl.gap.logs import nominal_model
 from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.nominal_values import Block, quantity
 from stagectl.gap.logs.session import Array
-from stagectl.kernels import cascade, feedback, feedforward, friction, friction_bristle, law, observer, stage
+from stagectl.kernels import cascade, feedback, feedforward, friction, friction_bristle, law, observer, stage, unloading
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.plan import bristle_force, setpoint_rows
 from stagectl.units import Quantity
@@ -32,6 +32,7 @@ _POLE = Quantity("rad/s", "(0, 1e9]", "pole of the derivative's filter")
 _PERIOD = Quantity("s", "[1e-6, 1]", "control period")
 _ADVANCE = Quantity("s", "[-1, 1]", "time by which it looks ahead")
 _BAND = Quantity("rad | m", "[0, 1]", "error that is left alone while the reference stands still")
+_UNLOADING = Quantity("", "[0, 1e15]", "A of the integral given up per unit of speed and period, against and along; A")
 _LIMIT = Quantity("A", "(0, inf]", "largest command")
 _SPAN = Quantity("", "[1, 2]", "periods over which the velocity is differenced")
 _KEYS = (
@@ -39,7 +40,8 @@ _KEYS = (
     "velocity_feedforward span kp kv observer observer_model observer_gains model_inertia model_viscous "
     "model_force_constant feedforward friction_compensation friction_bristle friction_weight friction_slip "
     "effect_feedforward feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples "
-    "reference_interpolation states_at_first_row anti_windup command_limit_A standstill_band"
+    "reference_interpolation states_at_first_row anti_windup command_limit_A standstill_band "
+    "unloading"
 )
 
 
@@ -93,14 +95,21 @@ def read(file: Block) -> DeployedController | None:
 
 def _law(c: Block, dt: float) -> law.Law:
     limit = _limit(c)
-    observed, band = _observer(c), c.number("standstill_band", _BAND, 0.0)
+    observed, band, held = _observer(c), c.number("standstill_band", _BAND, 0.0), _unloading(c)
     if c.has("Kp"):
-        return law.Law(_pid(c, dt), limit, observer=observed, standstill_band=band)
+        return law.Law(_pid(c, dt), limit, observer=observed, standstill_band=band, unloading=held)
     if c.has("position_gain"):
         own = _cascade(c, dt)
     else:  # the EMPS benchmark: velocity by differences of averaged positions, two proportional gains
         own = cascade.Cascade(c.number("kp", _POSITIVE), c.number("kv", _POSITIVE), span=2, dt=dt)
-    return law.Law(feedback.ABSENT, limit, own, True, observed, band)
+    return law.Law(feedback.ABSENT, limit, own, True, observed, band, held)
+
+
+def _unloading(c: Block) -> unloading.Unloading:
+    values = c.numbers("unloading", _UNLOADING)
+    if len(values) not in (0, len(unloading.ABSENT)):
+        raise c.refused("unloading", "must be three numbers: rates against the motion and along it, and the range")
+    return unloading.Unloading(*values)
 
 
 def _limit(c: Block) -> float:

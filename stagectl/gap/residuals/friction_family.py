@@ -24,19 +24,13 @@ def size(p: stage.Stage) -> float:
 
 def length(p: stage.Friction) -> float:
     """Length of the rolling zone (rad | m): displacement at which 95 % of the friction has reversed."""
-    grid = np.geomspace(1e-3, 1e2, 400) * _longest(p)
+    grid = np.geomspace(1e-3, 1e2, 400) * stage.longest_slip(p)
     curve = reversal(p, grid)
     return (
-        float(grid[np.searchsorted(curve, thresholds.REVERSED * curve[-1])]) if curve[-1] > 0.0 else float(_longest(p))
+        float(grid[np.searchsorted(curve, thresholds.REVERSED * curve[-1])])
+        if curve[-1] > 0.0
+        else float(stage.longest_slip(p))
     )
-
-
-def _longest(p: stage.Friction) -> float:
-    """Longest slip (rad | m) of an element that carries; of any element where there is no friction."""
-    bristle = p.bristle.coulomb / p.bristle.stiffness if p.bristle.coulomb else 0.0
-    elements = [(float(slip), weight > 0.0) for slip, weight in zip(p.operators.slip, p.operators.weight, strict=True)]
-    loaded = [slip for slip, carries in elements if carries]
-    return max([*loaded, bristle]) or max((slip for slip, _ in elements), default=1.0)
 
 
 def reversal(p: stage.Friction, displacement: Array) -> Array:
