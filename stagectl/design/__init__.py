@@ -68,12 +68,8 @@ class Controller(NamedTuple):
             with_friction=ahead.with_friction and "friction" not in layers,
             with_effects=ahead.with_effects and "effects" not in layers,
         )
-        running = self.law
-        if "observer" in layers:
-            running = running._replace(observer=observer.ABSENT)
-        if "friction" in layers:
-            running = running._replace(unloading=unloading.ABSENT)
-        return Controller(running, ahead)
+        watching = observer.ABSENT if "observer" in layers else self.law.observer
+        return Controller(self.law._replace(observer=watching), ahead)
 
 
 def design(p: stage.Stage, control: Settings) -> Controller:
@@ -97,12 +93,12 @@ def design(p: stage.Stage, control: Settings) -> Controller:
     )
     running = law_of(designed, control.period, p.drive.current_limit)
     band = control.standstill_band * p.encoder.step
-    held = _unloading(p, control.period) if "friction" in layers else unloading.ABSENT
+    held = _unloading(p, control.period)
     return Controller(running._replace(observer=watching, standstill_band=band, unloading=held), anticipation)
 
 
 def _unloading(p: stage.Stage, dt: float) -> unloading.Unloading:
-    """How the feedback gives up what it took at rest, where the friction is fed forward."""
+    """How the feedback gives up what it took at rest."""
     sliding, gain = stage.sliding(p.friction), p.motor.force_constant
     mean = sliding / stage.longest_slip(p.friction)
     return unloading.Unloading(dt * stage.stiffness(p.friction) / gain, dt * mean / gain, 2.0 * sliding / gain)

@@ -123,7 +123,7 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
         return Output(0.0, 0.0, 0.0, 0.0, 0.0, known, limited(p, known)), AT_REST
     error = r.target - measured
     driving = acted_on(p, r, error)
-    given_up = unloading.given_up(p.unloading, x.unloading, r.velocity)
+    given_up = unloading.given_up(p.unloading, x.unloading, r.velocity) if r.friction != 0.0 else 0.0
     pid, outer = _integral_changed(p, x, given_up)
     before = outer.integral if p.cascaded else pid.integral
     if p.cascaded:

@@ -15,6 +15,7 @@ spring, with its stiffness at rest; one along it reverses it, with the mean stif
 A motion leaves the friction loaded against it, so a standstill can only change the current against the sense of the
 last motion, and by no more than friction has from sliding one way to sliding the other.  A change the other way is a
 load that was put on, and stays; so does what the feedback carried before the axis came to rest, such as a weight.
+Where no friction is fed forward, nothing was laid out that this would put right, and `law.step` gives nothing up.
 """
 
 from __future__ import annotations

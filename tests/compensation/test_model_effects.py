@@ -34,6 +34,10 @@ DEFINITIONS = {effect.name: effect for effect in definitions(SCALES) if effect.n
 # Of what the drive meets at once, a current that lags can answer a part only: the load that it catches across a gap.
 # Four times the thermal rise is 1.4 times the friction, and what is left of it at a reversal grows with it.
 WITHIN = {"backlash": 3.0, "thermal_coulomb": 1.6}
+# Twice what there is, on motions that stop.  Without compensation the feedback gives up at the next start what it took
+# at rest, which serves a gap, too: 195 nm and no longer 470.  A gap of twice the right size is crossed too far: 430 nm,
+# as before.  It is worse than none beyond 1.2 times.
+OVERDONE = {"backlash": 2.3}
 MANY = {"backlash", "compliance", "coulomb_asymmetry"}  # four times their typical size is no machine any more
 
 
@@ -141,7 +145,7 @@ def test_one_effect_is_left_out(ball_screw: Setup) -> None:
 def test_a_wrong_value_is_no_worse_than_none_up_to_its_double(name: str, ball_screw: Setup) -> None:
     effect = DEFINITIONS[name]
     machine, doubled = (ball_screw._replace(stage=having(ball_screw.stage, effect, times)) for times in (1.0, 2.0))
-    for motion, worst in (("sine of 5 mm", 1.1), ("stop and go", 1.15)):
+    for motion, worst in (("sine of 5 mm", 1.1), ("stop and go", OVERDONE.get(name, 1.15))):
         most = worst * peak(ball_screw, machine, MOTIONS[motion]) + COUNT.get(motion, 0.0)
         assert peak(doubled, machine, MOTIONS[motion]) <= most, motion
 

@@ -10,7 +10,7 @@ from stagectl.kernels import cascade, feedback, law, unloading
 
 P = unloading.Unloading(against=4.0, along=0.5, range=8.0)
 INTEGRATING = feedback.Pid(0.0, 1.0, 0.0, 0.0)  # the error of each period is integrated half at a time
-MOVING, RESTING = law.Setpoint(0.0, 0.0, 0.0, 0.0, 0.25), law.Setpoint(0.0, 0.0, 0.0, 0.0)
+MOVING, RESTING = law.Setpoint(0.0, 0.0, 0.0, 1.0, 0.25), law.Setpoint(0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -70,3 +70,5 @@ def test_a_cascade_gives_up_as_well() -> None:
     with_it, _ = law.step(p, x, MOVING, 0.0)
     without, _ = law.step(p._replace(unloading=unloading.ABSENT), x, MOVING, 0.0)
     assert with_it.integral == without.integral + 1.0
+    bare, _ = law.step(p, x, MOVING._replace(friction=0.0), 0.0)
+    assert bare.integral == without.integral  # no friction is fed forward: nothing was laid out too high
