@@ -38,6 +38,7 @@ LONGEST = (
     "tests/test_run.py",
     "tests/studies/test_exam.py",
     "tests/web/test_openapi.py",
+    "tests/web/test_page.py",
     "tests/attacks/test_stop_under_attack.py",
     "tests/test_acceptance.py",
     "tests/zoo/test_killed.py",

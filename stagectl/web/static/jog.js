@@ -37,7 +37,7 @@ export class Jog {
   }
 
   begin(button, sign) {
-    if (this.press || button.disabled) return;
+    if (this.press || button.ariaDisabled === "true") return;
     const press = this.press = { number: Date.now(), button, speed: sign + at("jog-speed").value.trim() };
     button.classList.add("held");
     this.said("");
@@ -75,6 +75,7 @@ export class Jog {
   }
 
   take(state) {
-    for (const id of ["jog-back", "jog-forth"]) at(id).disabled = state !== "standing" && !(this.press && this.press.button === at(id));
+    // Not `disabled`: a button that is loses the focus, and the next key would go nowhere.
+    for (const id of ["jog-back", "jog-forth"]) at(id).setAttribute("aria-disabled", state !== "standing" && !(this.press && this.press.button === at(id)));
   }
 }

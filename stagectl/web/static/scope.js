@@ -7,6 +7,7 @@ import { VIEWS } from "./views.js";
 
 const at = (id) => document.getElementById(id);
 const FIRST = ["error", "measured_current"];
+const READ = 4000;  // ms to read why something was refused
 const MOST = 16, POINTS = 1200, WHOLE = 20000;  // points of a curve over time, and of a view that needs every row
 
 const SAID = { A: "current", place: "position", x: "position below" };
@@ -27,6 +28,7 @@ export class Scope {
     this.running = true;
     this.mode = "auto";
     this.shownPart = null;  // [start, end] s where it is zoomed
+    this.readUntil = 0;  // ms, of the page's clock, that what was refused still stands there
     at("scope-run").onclick = () => this.run(!this.running, false);
     at("scope-single").onclick = () => this.run(true, true);
     at("scope-form").onsubmit = (event) => event.preventDefault();
@@ -102,19 +104,24 @@ export class Scope {
     if (curves !== this.curves) this.last = null;  // a capture of other curves must not appear under these names
     [this.names, this.curves] = [names, curves];
     this.build();
+    this.readUntil = 0;
     this.tell(trigger ? "waiting for the trigger" : "");
     this.link.ask("scope", { axis: this.axis, channels: this.names, span: Number(at("scope-span").value), before: Number(at("scope-before").value) / 100,
       points: this.view === VIEWS.time ? POINTS : WHOLE, trigger, mode: single ? "single" : at("scope-mode").value, number: ++this.number });
   }
 
   tell(words) {
+    if (performance.now() < this.readUntil) return;
     if (at("scope-state").textContent !== words) at("scope-state").textContent = words;
     at("scope-state").style.color = "";
   }
 
+  // A refusal stays to be read: captures that come meanwhile do not wipe it away.
   refused(words) {
+    this.readUntil = 0;
     this.tell(words);
     at("scope-state").style.color = "var(--bad)";
+    this.readUntil = performance.now() + READ;
   }
 
   // Of a trigger that does not come: between what its channel has stayed.
