@@ -64,7 +64,7 @@ def stage(**values: Any) -> Path:
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_a_joint_has_the_published_friction(joint: int) -> None:
-    """The force is the published one within 15 % at every speed; how a line splits it depends on record and day.
+    """The force is the published one within 15 % at three speeds; how a line splits it depends on record and day.
 
     Joints 3 and 4, half the difference of the torques at the same angle in opposite directions, which needs no model:
     their slopes are 0.90 and 0.80 of the published ones, the force at low speeds is higher, in each third of it.
