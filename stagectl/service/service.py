@@ -120,23 +120,23 @@ class Service:
 
     async def _up(self) -> None:
         """Wait until the real-time process has looked for its drives.  Raises ServiceError where it does not start."""
-        end = time.monotonic() + _UP
-        while not self._loop.readable(0.0):
-            if time.monotonic() > end:
-                raise ServiceError(f"the real-time process did not start within {_UP:.0f} s; see the messages above")
-            await asyncio.sleep(LOOK)
-        line = self._loop.line()
-        if not line:
+        if not await self.until(lambda: self._loop.readable(0.0), _UP):
+            raise ServiceError(f"the real-time process did not start within {_UP:.0f} s; see the messages above")
+        if line := self._loop.line():
+            self.refused = json.loads(line)["refused"]
+        elif not self._deaths:  # else it has died once more, and `watch` counts that
             raise ServiceError("the real-time process did not start; see the messages above")
-        self.refused = json.loads(line)["refused"]
         if not await self.until(self._stoppable, _READY):
             raise ServiceError(f"the stop path did not start within {_READY:.0f} s; see the messages above")
         for axis in self.axes.values():
-            wire = axis.setup.file.drive.wire
-            for line in accepted(wire) if isinstance(wire, Canopen) else ():
-                self.say(f"{axis.name}: {line}")
-            if axis.state is State.OFFLINE:
-                self.say(f"{axis.name}: {axis.board.words}")
+            self._say_drive(axis)
+
+    def _say_drive(self, axis: AxisController) -> None:
+        wire = axis.setup.file.drive.wire
+        for line in accepted(wire) if isinstance(wire, Canopen) else ():
+            self.say(f"{axis.name}: {line}")
+        if axis.state is State.OFFLINE:
+            self.say(f"{axis.name}: {axis.board.words}")
 
     def _stoppable(self) -> bool:
         """Whether stops are taken, or nothing can move: the loop has died, and `watch` starts another."""
