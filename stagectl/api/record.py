@@ -165,10 +165,8 @@ def load_log(
 
     Raises RecordingError with file, row and reason.
     """
-    place, setup = (
-        path_of("log", path, "the path of a recording or log"),
-        None if stage is None else as_stage(stage).setup,
-    )
+    place = path_of("log", path, "the path of a recording or log")
+    setup = None if stage is None else as_stage(stage).setup
     if place.suffix == ".h5":
         return record_of(open_recording(place))
     if place.is_dir() and not (place / "captures.yaml").is_file():
