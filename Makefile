@@ -10,6 +10,8 @@ STAMP := $(VENV)/.stamp
 DEVELOPER := $(VENV)/.stamp-dev
 # Modules are compiled when they are first imported: all of them at once would take half a minute.
 PIP := install -q --disable-pip-version-check --no-compile
+# Many containers set this: then nothing is kept, and each start of a program compiles its modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run live test vm zoo nightly check docs setup clean
 

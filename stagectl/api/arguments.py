@@ -85,9 +85,10 @@ def path_of(name: str, value: object, wanted: str) -> Path:
     raise ArgumentError(name, f"of type {type(value).__name__}", f"; must be {wanted}")
 
 
-def paths_of(places: PathLike | Sequence[PathLike]) -> list[Path]:
-    """One path or several as a list."""
-    return [Path(places)] if isinstance(places, str | os.PathLike) else [Path(place) for place in places]
+def paths_of(name: str, places: object, wanted: str) -> list[Path]:
+    """One path or several as a list; raises as `path_of` does."""
+    several = places if isinstance(places, Sequence) and not isinstance(places, str) else [places]
+    return [path_of(name, place, wanted) for place in several]
 
 
 ProgressOption = bool | Callable[[float, float], object]  # True: a bar; a function of (steps done, steps in all)

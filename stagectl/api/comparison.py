@@ -117,7 +117,9 @@ def compare(
     place = unused(f"compare-{source.name}") if folder is None else Path(folder)
     shown = Shown(say or (lambda _: None), partial(reported, progress))
     motions = layer_comparison.laid_out(machine.setup, source.bound(machine.setup), variants, place)
-    courses = layer_comparison.learn_missing(machine, motions, paths_of(learned), trials, shown)
+    courses = layer_comparison.learn_missing(
+        machine, motions, paths_of("learned", learned, "paths of learned currents"), trials, shown
+    )
     result = layer_comparison.compare(machine, motions, (repeats, seed), shown, place)
     notes = layer_comparison.course_words(courses)
     return LayerComparison(result | {"simulated": simulate, "seed": seed, "learned": courses, "notes": notes}, place)

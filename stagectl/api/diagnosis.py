@@ -180,7 +180,7 @@ def diagnose(
 
     Raises GapError where the logs cannot be diagnosed, RecordingError where they cannot be read.
     """
-    places = paths_of(session)
+    places = paths_of("session", session, "a folder of captures, or paths of logs")
     options = pipeline.Options(excluded(list(exclude)), full, advice)
     said = _described(named_columns(columns), model)
     logs = load_session.load(places, None if stage is None else as_stage(stage).setup, said)

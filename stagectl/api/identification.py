@@ -105,13 +105,13 @@ class IdentifiedModel(ReportedResult):
 
         return page(self.to_json(), (self.estimate, self.captures, self.stage.setup), command)
 
-    def apply(self, stage: DesignedStage | None = None, *, doubtful: bool = False) -> DesignedStage:
-        """The stage with these parameters, in memory.
+    def apply(self, stage: StageLike | None = None, *, doubtful: bool = False) -> DesignedStage:
+        """The stage, or the file at a path, with these parameters, in memory.
 
         Raises StageError where there is nothing to apply, or, without `doubtful`, where a value is implausible
         or a note tells of a bias.
         """
-        target = self.stage if stage is None else stage
+        target = self.stage if stage is None else as_stage(stage)
         self._check(target.path, doubtful)
         return target.changed(self.changes)
 
@@ -181,4 +181,4 @@ def _recordings(
         return [data.recording]
     if isinstance(data, Sequence) and not isinstance(data, str):
         return [recording for part in data for recording in _recordings(part, stage, columns)]
-    return captures.opened(paths_of(data), stage.setup, columns)
+    return captures.opened(paths_of("data", data, "a run, a log, or paths of them"), stage.setup, columns)

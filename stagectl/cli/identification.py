@@ -10,7 +10,19 @@ import typer
 from stagectl.cli.motion import Json, Report, StageArgument, Write
 from stagectl.cli.show import deliver, page_path, patch, single_threaded_algebra
 
-MethodArgument = Annotated[str, typer.Argument(metavar="METHOD", help="How; any wrong name lists them all.")]
+
+def _method(name: str) -> str:
+    """Checked before the rest is: a forgotten METHOD makes the arguments after it look wrong."""
+    single_threaded_algebra()
+    from stagectl.identification.methods import chosen
+
+    chosen(name)
+    return name
+
+
+MethodArgument = Annotated[
+    str, typer.Argument(metavar="METHOD", help="How; any wrong name lists them all.", callback=_method)
+]
 Captures = Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")]
 Current = Annotated[
     str | None, typer.Option("--current", metavar="COLUMN", help="measured_current, current (limited) or command.")
@@ -55,7 +67,6 @@ def identify(
 
     Example: stagectl identify least-squares config/emps.yaml recordings/emps.h5 --json -
     """
-    single_threaded_algebra()
     import stagectl as sc
 
     page = page_path(report, f"identify-{method}")

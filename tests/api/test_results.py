@@ -55,6 +55,13 @@ def test_an_identification_changes_a_stage(fit: IdentifiedModel, stage: Designed
     with pytest.raises(StageError):
         wrong.apply(stage)
     assert wrong.apply(stage, doubtful=True).changes
+    assert fit.apply(stage.path).changes == fit.apply(stage).changes
+
+
+def test_what_is_no_record_is_refused_by_name(stage: DesignedStage) -> None:
+    with pytest.raises(ArgumentError) as error:
+        sc.identify(stage, 5)  # type: ignore[arg-type]
+    assert error.value.name == "data"
 
 
 def test_an_identification_is_saved(fit: IdentifiedModel) -> None:

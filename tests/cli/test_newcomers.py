@@ -121,6 +121,7 @@ MISTAKES = [
     (f"identify least-squares {S} still.csv", "still.csv", 2),
     (f"identify least-squares {S} back.csv", "row 2", 2),
     (f"identify least-square {S} good.csv", "least-square", 2),
+    (f"identify {S} good.csv", f"method {S}; must be one of", 2),
     (f"import good.csv --stage {S} --columns time=zeit,position=pos", "zeit", 2),
     (f"import good.csv --stage {S} --columns zeit", "--columns zeit", 2),
     (f"import picture.csv --stage {S}", "picture.csv", 2),
