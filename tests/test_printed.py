@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from collections.abc import Iterator
@@ -28,6 +29,8 @@ SHORTER = {
 # What a no is right for: this machine is not fit, or a probe has seen something.
 MAY_SAY_NO = ("stagectl doctor",)
 SLOW = ("stagectl gap diagnose session", "stagectl gap diagnose bench-session")
+# Whole papers, a minute and a half: `tests/studies` holds each part with fewer runs, `make nightly` types them.
+NIGHTLY = () if os.environ.get("STAGECTL_PRINTED") == "all" else ("stagectl reproduce",)
 WITHIN = re.compile(r"`((?:sudo )?(?:\.venv/bin/)?stagectl [a-z][^`]*)`")
 
 
@@ -44,7 +47,7 @@ def reads(reader: Reader, lines: list[str], script: str = "") -> None:
     The page's Python follows, while what goes on goes on.
     """
     for line in lines:
-        if line.startswith("make ") or ("EMPS" in line.upper() and not DATA.is_file()):
+        if line.startswith(("make ", *NIGHTLY)) or ("EMPS" in line.upper() and not DATA.is_file()):
             continue
         if line.startswith(GO_ON):
             reader.ends()
