@@ -76,7 +76,7 @@ class Service:
         It may be cancelled: `end` undoes what was begun.  Raises ServiceError.
         """
         self.paths.state.mkdir(parents=True, exist_ok=True)
-        self._lock = await single_instance.take_lock(self.paths.state, self._ends)
+        self._lock = await single_instance.take_lock(self.paths.state, self._ends, self.say)
         if single_instance.mark_running(self.paths.state, self._ends):
             self.note("", "service_died", "the last service was killed; the real-time process stopped its axes")
         for name in self.recordings.tidy():

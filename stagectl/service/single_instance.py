@@ -14,7 +14,7 @@ import os
 import socket
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from stagectl.runtime_folder import short_name
@@ -89,27 +89,41 @@ _HANDED = 3  # descriptor of the first socket that systemd hands over
 _LOCK = 20.0  # s to wait for an earlier process that still stops its axes
 
 
-async def take_lock(state: Path, ends: contextlib.ExitStack) -> int:
+async def take_lock(state: Path, ends: contextlib.ExitStack, say: Callable[[str], None]) -> int:
     """Lock the folder `state`; the descriptor, which `ends` closes.
 
     Raises ServiceError where another service keeps it.
     """
     lock = os.open(state / "lock", os.O_RDWR | os.O_CREAT, 0o600)
     ends.callback(os.close, lock)
-    end, process = time.monotonic() + _LOCK, "unknown"
-    while True:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return lock
-        except OSError as error:
-            if time.monotonic() > end:
-                with contextlib.suppress(OSError):
-                    process = (state / "running").read_text()
-                raise ServiceError(
-                    f"another service (process {process}) uses {state}: stop it first, by Ctrl-C in its terminal or by "
-                    "`systemctl stop stagectl`, or choose another --state"
-                ) from error
-            await asyncio.sleep(0.1)
+    if _locked(lock):
+        return lock
+    user = f"another service (process {_process(state)}) uses {state}"
+    say(f"{user}; waiting {_LOCK:.0f} s for it to end")
+    end = time.monotonic() + _LOCK
+    while not _locked(lock):
+        if time.monotonic() > end:
+            raise ServiceError(
+                f"{user}: stop it first, by Ctrl-C in its terminal or by `systemctl stop stagectl`, or choose another "
+                "--state"
+            )
+        await asyncio.sleep(0.1)
+    return lock
+
+
+def _locked(lock: int) -> bool:
+    """Lock it where nobody else has."""
+    with contextlib.suppress(BlockingIOError):
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return True
+    return False
+
+
+def _process(state: Path) -> str:
+    """Of the service that marked `state` as its own."""
+    with contextlib.suppress(OSError):
+        return (state / "running").read_text()
+    return "unknown"
 
 
 def mark_running(state: Path, ends: contextlib.ExitStack) -> bool:
