@@ -10,9 +10,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image, ImageSequence
 
 from stagectl.cli.app import application
 from tests.conftest import ROOT
+from tests.printed import tool
 
 
 def stagectl(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
@@ -47,3 +49,19 @@ def test_every_verb_has_help(verb: str) -> None:
     done = stagectl([*verb.split(), "--help"], ROOT)
     assert done.returncode == 0
     assert "Usage:" in done.stdout
+
+
+def test_the_picture_of_the_live_page_moves_at_the_speed_of_the_axis(tmp_path: Path) -> None:
+    """The one that is shown, and one of three frames: the last tells how long the second stood."""
+    assert len(_stood(ROOT / "docs" / "live-page.webp")) > 10
+    live_page = tool("live_page")
+    grey = [live_page.Frame(Image.new("L", (8, 8), 40 * number), time) for number, time in enumerate((5.0, 5.1, 5.3))]
+    live_page.write(grey, tmp_path / "moving.webp")
+    assert _stood(tmp_path / "moving.webp") == [100, 200]
+
+
+def _stood(path: Path) -> list[int]:
+    """How long each frame of an animation that begins again stands (ms)."""
+    with Image.open(path) as shown:
+        assert shown.info["loop"] == 0
+        return [frame.copy().info["duration"] for frame in ImageSequence.Iterator(shown)]
