@@ -106,9 +106,11 @@ def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | N
     """
     rows = np.zeros((len(seen.reference), rollout.SETPOINTS))
     setpoints(p, seen, stops, rows)
+    column = SETPOINT_COLUMNS["friction"]
     if force is not None:
-        current, column = force / p.force_constant, SETPOINT_COLUMNS["friction"]
+        current = force / p.force_constant
         rows[:, column] = rows[:, column] + current if p.with_friction else current
+    rows[:, column] *= p.friction_scale
     return rows
 
 

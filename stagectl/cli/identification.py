@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stagectl.api.arguments import ArgumentError, quantity
 from stagectl.cli.motion import Json, Report, StageArgument, Write
-from stagectl.cli.show import deliver, page_path, patch, single_threaded_algebra
+from stagectl.cli.service import AxisName, Socket
+from stagectl.cli.show import console, deliver, message_event, page_path, patch, single_threaded_algebra, stream
+from stagectl.units import Quantity, StageError
+
+if TYPE_CHECKING:
+    from stagectl.workflows.friction_watch import Verdict
+
+_EVERY = Quantity("s", "[1, 14]", "time of one look; the service holds the last 14 s")
 
 
 def _method(name: str) -> str:
@@ -23,7 +33,9 @@ def _method(name: str) -> str:
 MethodArgument = Annotated[
     str, typer.Argument(metavar="METHOD", help="How; any wrong name lists them all.", callback=_method)
 ]
-Captures = Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")]
+Captures = Annotated[
+    list[Path] | None, typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")
+]
 Current = Annotated[
     str | None, typer.Option("--current", metavar="COLUMN", help="measured_current, current (limited) or command.")
 ]
@@ -43,12 +55,19 @@ Compensators = Annotated[
     str, typer.Option("--compensators", metavar="NAMES", help="Compensators to `compare`: table,gms,rheology.")
 ]
 Seed = Annotated[int | None, typer.Option("--seed", help="Of a method that searches at random.")]
+Watch = Annotated[
+    bool, typer.Option("--watch", help="Follow the friction of a running service, and keep its compensation current.")
+]
+Every = Annotated[str, typer.Option("--every", metavar="TIME", help="Of --watch: what one look takes.")]
+Within = Annotated[
+    float, typer.Option("--within", min=0.01, max=1.0, help="Of --watch: bound of the change; 0.3: 30 %.")
+]
 
 
 def identify(
     method: MethodArgument,
     stage: StageArgument,
-    captures: Captures,
+    captures: Captures = None,
     json: Json = None,
     write: Write = None,
     report: Report = None,
@@ -62,11 +81,23 @@ def identify(
     doubtful: Doubtful = False,
     compensation: Compensation = None,
     compensators: Compensators = "",
+    watch: Watch = False,
+    every: Every = "10 s",
+    within: Within = 0.3,
+    socket: Socket = None,
+    axis: AxisName = "",
 ) -> None:
     """Find the parameters of an axis from captures of its motion.
 
+    With `--watch` follow the friction of a running service instead, until Ctrl-C.
+
     Example: stagectl identify least-squares config/emps.yaml recordings/emps.h5 --json -
     """
+    if watch:
+        _follow(stage, _looks(method, stage, socket, axis, (every, within)), write, json)
+        return
+    if not captures:
+        raise StageError("nothing to identify from: name recordings or logs, or --watch a running service")
     import stagectl as sc
 
     page = page_path(report, f"identify-{method}")
@@ -88,3 +119,30 @@ def identify(
     )
     deliver(fit, page, json)
     patch(stage, write, lambda target: fit.write(target, doubtful=doubtful))
+
+
+def _looks(method: str, stage: Path, socket: Path | None, axis: str, settings: tuple[str, float]) -> Iterator[Verdict]:
+    """What `--watch` sees; `settings` are ``--every`` and ``--within``."""
+    from stagectl.api.friction_watch import watch_friction
+
+    if method != "simultaneous":
+        raise ArgumentError("watch", "", f"follows what `simultaneous` finds, not `{method}`")
+    every = quantity("every", settings[0], _EVERY, "it such as '10 s'")
+    return watch_friction(stage, socket=socket, axis=axis, every=every, within=settings[1])
+
+
+def _follow(stage: Path, looks: Iterator[Verdict], write: Path | None, json: str | None) -> None:
+    """Show each look until Ctrl-C, then put the scale into the stage file; exit 1 where the watch ends by itself."""
+    from stagectl.config import patch as stage_patch
+
+    event, last = stream(json), None
+    with contextlib.suppress(KeyboardInterrupt):
+        for last in looks:
+            console.print(last.words)
+            event(message_event(last.words) | last._asdict())
+    if last is None:
+        return
+    changes = {"control.friction_scale": last.scale}
+    patch(stage, write, lambda target: stage_patch.write(stage, target, changes))
+    if last.ended:
+        raise typer.Exit(1)

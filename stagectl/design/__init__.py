@@ -89,11 +89,13 @@ def design(p: stage.Stage, control: Settings) -> Controller:
         p.motor.force_constant,
         "ptc" in layers,
         "friction" in layers,
+        control.friction_scale,
         "effects" in layers,
     )
     running = law_of(designed, control.period, p.drive.current_limit)
     band = control.standstill_band * p.encoder.step
-    held = _unloading(p, control.period)
+    friction = stage.scaled_friction(p.friction, control.friction_scale)
+    held = _unloading(p._replace(friction=friction), control.period)
     return Controller(running._replace(observer=watching, standstill_band=band, unloading=held), anticipation)
 
 

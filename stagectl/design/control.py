@@ -29,6 +29,7 @@ _MARGIN = Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")
 _LAYERS = "layers that act together with the feedback: ptc, friction, effects, observer"
 _UNANSWERED = "entries of the model, such as motor.cogging, that the layer effects leaves to the feedback"
 _STANDSTILL = Quantity("", "[0, 100]", "counts of error that are left alone while the reference stands still; 0: none")
+_FRICTION_SCALE = Quantity("", "[0, 2]", "factor on the friction that is compensated; 1: as it was identified")
 _OBSERVER = Quantity("Hz", "(0, 2000]", "frequency at which the disturbance observer's three poles are placed")
 
 
@@ -42,6 +43,7 @@ class Control(NamedTuple):
     unanswered: Annotated[tuple[str, ...], _UNANSWERED] = ()
     observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
     standstill_band: Annotated[float, _STANDSTILL] = 0.0  # an axis that hunts about its target: 1
+    friction_scale: Annotated[float, _FRICTION_SCALE] = 1.0  # `identify --watch` keeps it current
 
 
 class CascadeControl(NamedTuple):
@@ -63,6 +65,7 @@ class CascadeControl(NamedTuple):
     unanswered: Annotated[tuple[str, ...], _UNANSWERED] = ()
     observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
     standstill_band: Annotated[float, _STANDSTILL] = 0.0  # an axis that hunts about its target: 1
+    friction_scale: Annotated[float, _FRICTION_SCALE] = 1.0  # `identify --watch` keeps it current
 
 
 Settings = Control | CascadeControl

@@ -55,6 +55,7 @@ class Feedforward(NamedTuple):
     force_constant: float  # N m/A | N/A
     with_ptc: bool
     with_friction: bool
+    friction_scale: float = 1.0  # factor on the friction that is compensated, of any law
     with_effects: bool = False  # what else the stage model holds: `compensation.model_effects`
 
 
