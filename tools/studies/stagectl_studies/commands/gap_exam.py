@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from stagectl.api.arguments import ArgumentError
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, progress
 from stagectl.extras import require
@@ -19,6 +20,7 @@ from stagectl.units import StageError
 if TYPE_CHECKING:
     from stagectl_studies.exam.exam import Asked
     from stagectl_studies.exam.question import Manner
+    from stagectl_studies.machine.stages import Ground
 
 Trials = Annotated[int, typer.Option("--trials", min=1, max=100_000, help="Number of trials.")]
 First = Annotated[int | None, typer.Option(min=1, help="Run only the first N trials now, then score.")]
@@ -38,6 +40,13 @@ Baselines = Annotated[
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="Run the trials on the Dask cluster of this scheduler.")
 ]
+On = Annotated[
+    Path | None,
+    typer.Option(
+        "--on", metavar="RECORD", help="Draw the trials on the friction and noise of this record; see --stage."
+    ),
+]
+StageOption = Annotated[Path | None, typer.Option("--stage", metavar="STAGE.yaml", help="The stage of --on.")]
 Ledger = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Ledger of all exams; default: ledger.jsonl next to DIR.")
 ]
@@ -67,9 +76,14 @@ def exam(
     baselines: Baselines = False,
     scheduler: Scheduler = None,
     ledger: Ledger = None,
+    on: On = None,
+    stage: StageOption = None,
     json: Json = None,
 ) -> None:
     """Put the diagnosis to sealed trials whose hidden effects it has to find, and score it.
+
+    With `--on` the machine of the trials has the inertia, friction and noise of a record: what would the diagnosis
+    find on that axis?
 
     Example: stagectl gap exam --trials 12 --short -o exam
     """
@@ -83,10 +97,11 @@ def exam(
     if baselines:
         require("exam", "--baselines")
     count, threads = workers_and_threads(workers)
-    asked = Asked(trials, _seed(output, resume, seed), names)
+    ground = None if on is None else _ground(on, stage)
+    asked = Asked(trials, _seed(output, resume, seed), names, "" if on is None else str(on.resolve()))
     manner = Manner(short, full, keep, baselines, threads)
     how = _How(resume, first, count, scheduler, ledger or output.resolve().parent / "ledger.jsonl")
-    result, seconds = _held(output.resolve(), asked, manner, how)
+    result, seconds = _held(output.resolve(), (asked, ground), manner, how)
     _entered(how.ledger, result, seconds)
     emit(result, json)
     _show(result, seconds)
@@ -105,16 +120,27 @@ def _seed(output: Path, resume: bool, seed: int | None) -> int:
     return source_seed(*packages()) if known is None else known
 
 
-def _held(output: Path, asked: Asked, manner: Manner, how: _How) -> tuple[dict[str, Any], dict[str, list[float]]]:
+def _ground(record: Path, stage: Path | None) -> Ground:
+    from stagectl_studies.exam.ground import ground_of
+
+    if stage is None:
+        raise ArgumentError("on", record, ": name the stage of the record, too", "stage STAGE.yaml")
+    return ground_of(record, stage)
+
+
+def _held(
+    output: Path, what: tuple[Asked, Ground | None], manner: Manner, how: _How
+) -> tuple[dict[str, Any], dict[str, list[float]]]:
     """The result of the exam, which also stands in scores.json, and the seconds."""
     from stagectl_studies.exam import exam as exams
     from stagectl_studies.exam import ledger
     from stagectl_studies.exam.plan import ExamError
     from stagectl_studies.exam.totals import totals
 
+    asked, ground = what
     try:
         new = exams.seed_of(output) is None
-        planned = exams.prepared(output, asked, manner, how.resume)[: how.first]
+        planned = exams.prepared(output, asked, manner, how.resume, ground)[: how.first]
         if new:
             ledger.append(how.ledger, ledger.beginning({**asked._asdict(), **_ways(manner)}, _now()))
         where = f"{how.workers} at once" if how.scheduler is None else f"on {how.scheduler}"

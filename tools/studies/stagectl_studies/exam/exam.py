@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from stagectl_studies.exam.plan import ExamError, Planned, plan
 from stagectl_studies.exam.question import Manner
 from stagectl_studies.exam.run_trial import TIMES, Job, finished, folder_of
+from stagectl_studies.machine.stages import Ground
 
 EXAM = "exam.json"
 FLAGS = ("short", "full", "baselines")
@@ -26,6 +27,7 @@ class Asked(NamedTuple):
     trials: int
     seed: int
     strata: tuple[str, ...] = ()
+    on: str = ""  # path of the record on whose friction and noise the trials are drawn; empty: on drawn ones
 
 
 def seed_of(root: Path) -> int | None:
@@ -37,13 +39,13 @@ def seed_of(root: Path) -> int | None:
     return None if before is None else int(before["seed"])
 
 
-def prepared(root: Path, asked: Asked, manner: Manner, resume: bool) -> list[Planned]:
-    """The plan, written down at the first start and compared at a later one.
+def prepared(root: Path, asked: Asked, manner: Manner, resume: bool, ground: Ground | None = None) -> list[Planned]:
+    """The plan, on the `ground` of a record or on drawn ones, written down at the first start and compared later.
 
     Raises ExamError, and writes nothing, where a stratum is none, or where the folder holds another exam, or any
     without `resume`.
     """
-    planned = plan(asked.trials, asked.seed, asked.strata)
+    planned = [trial._replace(ground=ground) for trial in plan(asked.trials, asked.seed, asked.strata)]
     described, before = _described(asked, manner), _before(root)
     if before is None:
         root.mkdir(parents=True, exist_ok=True)
@@ -91,7 +93,7 @@ def _option(name: str, value: Any) -> str:
 
 def _again(root: Path, before: Record) -> str:
     """The command that goes on with an exam."""
-    chosen = [_option(name, before[name]) for name in ("trials", "seed", "strata", *FLAGS) if before[name]]
+    chosen = [_option(name, before[name]) for name in ("trials", "seed", "strata", "on", *FLAGS) if before[name]]
     return f"stagectl gap exam --resume {' '.join(chosen)} -o {shlex.quote(str(root))}"
 
 

@@ -13,6 +13,7 @@ import stagectl
 import stagectl_studies
 from stagectl_studies.exam.rules import EXACT, WIDER
 from stagectl_studies.machine.effects import ALIENS, EFFECTS
+from stagectl_studies.machine.stages import Ground
 from stagectl_studies.machine.trials import STRATA as _DRAWN  # noqa: F401  its import enters the effects into their tables
 
 QUOTAS = {  # of 300 trials; at least 30 in each group: null, single, pair, triple, left-out, alien, poor
@@ -50,6 +51,7 @@ class Planned(NamedTuple):
     effects: tuple[str, ...] = ()
     scale: float | None = None  # None: drawn
     exclude: tuple[str, ...] = ()  # for `--exclude`
+    ground: Ground | None = None  # of a record; None: drawn
 
     @property
     def drawn_as(self) -> str:

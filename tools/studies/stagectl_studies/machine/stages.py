@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import nnls
 
@@ -12,6 +14,15 @@ from stagectl_studies.machine.jit import compiled
 from stagectl_studies.machine.machine import BRISTLE, DAHL, MAXWELL, Body, Floats, Law, Machine
 
 LAWS = ("maxwell", "dahl", "bristle")
+
+
+class Ground(NamedTuple):
+    """What a trial takes from another machine: its body, its contact and its noise, in the units of this one."""
+
+    body: Body
+    law: Law
+    step: float  # rad, of the encoder
+    sensor_noise: float  # A rms in the record
 
 
 def maxwell(random: np.random.Generator) -> Law:
@@ -50,6 +61,18 @@ def stage(kind: str, random: np.random.Generator) -> Machine:
         float(random.uniform(0.009, 0.0115)), float(random.uniform(0.10, 0.18)), float(random.uniform(0.75, 1.2)), 0.0
     )
     return Machine(law_of(kind, random), body)
+
+
+def on(machine: Machine, ground: Ground | None) -> Machine:
+    """The machine on the ground of another; itself where there is none."""
+    if ground is None:
+        return machine
+    return machine._replace(
+        law=ground.law,
+        body=ground.body,
+        encoder=machine.encoder._replace(step=ground.step),
+        drive=machine.drive._replace(sensor_noise=ground.sensor_noise),
+    )
 
 
 @compiled

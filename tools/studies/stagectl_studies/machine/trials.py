@@ -15,7 +15,7 @@ from stagectl_studies.machine.effects import ALIENS, EFFECTS, Around, Rig, appli
 from stagectl_studies.machine.machine import MAXWELL, Drive, Floats
 from stagectl_studies.machine.plant import Noise, Setting, Trace, ideal, noise_of, remanent, silent, simulated
 from stagectl_studies.machine.reference import PERIOD
-from stagectl_studies.machine.stages import LAWS, believed, stage
+from stagectl_studies.machine.stages import LAWS, Ground, believed, on, stage
 
 STRATA = ("null-exact", "null-parameters", "null-law", "single", "pair", "triple", "poor", "alien")
 BREAK = 2.0  # s between captures
@@ -56,6 +56,7 @@ class Options(NamedTuple):
     offsets: bool | None = None
     law: str | None = None
     short: bool = False
+    ground: Ground | None = None  # of another machine, in place of a drawn one
 
 
 class Trial(NamedTuple):
@@ -135,6 +136,8 @@ def law_of_trial(stratum: str, options: Options, random: np.random.Generator) ->
     """Kind of friction law; `exact` means Maxwell elements that the user knows."""
     drawn = str(random.choice(LAWS[1:])) if random.random() < 0.5 else "maxwell"
     other = str(random.choice(LAWS[1:]))
+    if options.ground is not None:
+        return "maxwell"
     if options.law is not None:
         return options.law
     if stratum in ("null-exact", "null-parameters"):
@@ -187,7 +190,7 @@ def draw(seed: int, stratum: str, options: Options = Options()) -> Trial:  # noq
     law, off = law_of_trial(stratum, options, random), offset_of_trial(stratum, options, random)
     chosen = names_of(stratum, options, np.random.default_rng([seed, STRATA.index(stratum), 9]))
     names = with_companions(chosen)
-    machine = stage(law, random)
+    machine = on(stage(law, random), options.ground)
     machine = machine._replace(speed=machine.speed._replace(limits=bool(random.random() < 0.5)))
     model = believed(machine, random, off)
     loop = designed(model, 40.0, machine.drive.lag)
