@@ -16,7 +16,6 @@ DWELL = 0.05  # s
 def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     """Tracking error over the steady window, and how the run went.
 
-    The error is reference minus measured, both of the instant at which the position was latched.
     `samples` is a recording's structured rows; lengths come out in the unit of travel, m or rad.
     """
     scale = meta["axis"]["travel_per_unit"]
@@ -24,7 +23,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     inside &= closed(samples)  # an open loop has no tracking error
     if not len(samples) or samples["time"][-1] < meta["steady"][1] - 1.5 * meta["dt"]:
         inside[:] = False  # the run ended within its window: no figure is better than one of another window
-    error = (latched_reference(samples, meta) - samples["measured"]) * scale
+    error = tracking_error(samples, meta) * scale
     result: dict[str, Any] = {
         "stage": meta["name"],
         "trajectory": meta["trajectory"],
@@ -66,6 +65,16 @@ def latched_reference(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np
     return reference[: len(samples)]
 
 
+def tracking_error(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.float64]:
+    """Reference minus measured (n,) rad | m, both of the instant at which the position was latched.
+
+    Where the controller has a map of the encoder's errors, that is what the encoder should read minus what it reads.
+    """
+    should = samples["target"] if meta.get("encoder_mapped") else latched_reference(samples, meta)
+    error: NDArray[np.float64] = should - samples["measured"]
+    return error
+
+
 def window(time: NDArray[np.float64], steady: list[float]) -> NDArray[np.bool_]:
     """Rows within the steady window (s)."""
     return (time >= steady[0]) & (time < steady[1])
@@ -85,7 +94,7 @@ def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
     """
     last = slice(-max(1, round(DWELL / meta["dt"])), None)
     allowed = WINDOW_COUNTS * (meta["axis"]["encoder_step"] or 1e-9)
-    near = np.abs(latched_reference(samples, meta)[last] - samples["measured"][last]) <= allowed
+    near = np.abs(tracking_error(samples, meta)[last]) <= allowed
     near |= ~closed(samples)[last]
     whole = samples["time"][-1:] >= meta["duration"]
     return bool(whole.all() and near.all() and np.all(samples["fault"] == Fault.NONE))

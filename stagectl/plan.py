@@ -70,6 +70,7 @@ class Plan(NamedTuple):
     excitation: tuple[Span, ...] = ()  # steady parts of an injected current
     effects: model_effects.Memory | None = None  # of the model's effects at its end; None where it has none
     limited: tuple[model_effects.Limited, ...] = ()  # effects whose current reached its share of the limit
+    mapped: bool = False  # whether the target holds what the encoder adds to the reference
 
 
 def command_delay(setup: Setup) -> float:

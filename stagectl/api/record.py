@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stagectl.api.arguments import PathLike, path_of
 from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
-from stagectl.evaluation import evaluate, latched_reference
+from stagectl.evaluation import evaluate, tracking_error
 from stagectl.extras import require
 from stagectl.kernels import rollout
 from stagectl.problem import ProblemKind
@@ -82,9 +82,9 @@ class MotionRecord(PrintedResult):
         return frame(self.to_arrays(), self.units)
 
     def tracking_error(self) -> Array:
-        """Reference minus measured position (n,) of the instant it was latched, in m of travel (or rad)."""
+        """`evaluation.tracking_error` (n,) in m of travel (or rad)."""
         meta = self.recording.meta
-        error: Array = (latched_reference(self.samples, meta) - self["measured"]) * meta["axis"]["travel_per_unit"]
+        error: Array = tracking_error(self.samples, meta) * meta["axis"]["travel_per_unit"]
         return error
 
     def sheet(self) -> Sheet:

@@ -66,6 +66,7 @@ class Answer(NamedTuple):
 
     memory: Memory | None = None  # at the motion's end; None where the model has no effects
     limited: tuple[Limited, ...] = ()
+    mapped: bool = False  # whether the encoder's map is in the target
 
 
 def present(p: stage.Stage) -> bool:
@@ -155,7 +156,7 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     np.clip(current, -most, most, out=current)
     held = float(current[-1])
     periods = current[1:] + _fading(memory.held - float(current[0]), len(current) - 1, dt)
-    return periods, Answer(Memory(whole, plain_end, memory.origin, held), limited)
+    return periods, Answer(Memory(whole, plain_end, memory.origin, held), limited, mapped(p))
 
 
 class _Way(NamedTuple):

@@ -30,6 +30,7 @@ def describe(setup: Setup, plan: Plan, running: Controller, name: str, text: str
         "steady": list(plan.steady),
         "duration": plan.duration,
         "excitation": [span._asdict() for span in plan.excitation],
+        "encoder_mapped": plan.mapped,
         "effects_limited": max((one.periods for one in plan.limited), default=0),
         "files": {**common["files"], "trajectory": {"name": name, "text": text}},
     }

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stagectl.evaluation import latched_reference, window
+from stagectl.evaluation import tracking_error, window
 from stagectl.number_format import prefix
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
@@ -128,7 +128,7 @@ def _error(path: Path) -> tuple[Any, Any]:
     recording = open_recording(path)
     samples, meta = recording.samples, recording.meta
     inside = window(samples["time"], meta["steady"])
-    error = (latched_reference(samples, meta) - samples["measured"]) * meta["axis"]["travel_per_unit"]
+    error = tracking_error(samples, meta) * meta["axis"]["travel_per_unit"]
     return samples["time"][inside], error[inside]
 
 

@@ -65,8 +65,8 @@ def starting_at(motion: Motion, position: float) -> Motion:
             "the model has effects that depend on the position, and the drive does not say where the axis stands:"
             " run it with `--without effects`"
         )
-    rows, column = motion.plan.setpoints.copy(), law.SETPOINT_COLUMNS["friction"]
-    rows[:, column] = motion.located(position).setpoints[:, column]  # the rest is relative, or was learned
+    rows, columns = motion.plan.setpoints.copy(), [law.SETPOINT_COLUMNS[name] for name in ("target", "friction")]
+    rows[:, columns] = motion.located(position).setpoints[:, columns]  # the rest is relative, or was learned
     return motion._replace(plan=motion.plan._replace(setpoints=rows))
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special  # not `stats`, which takes a second to import
 
-from stagectl.evaluation import latched_reference
+from stagectl.evaluation import tracking_error
 from stagectl.paired_comparison import CONFIDENCE
 from stagectl.recording.hdf5 import open_recording
 from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors
@@ -103,7 +103,7 @@ def _traces(recordings: list[str]) -> Array:
     for path in recordings:
         recording = open_recording(Path(path))
         samples, meta = recording.samples, recording.meta
-        error = latched_reference(samples, meta) - samples["measured"]
+        error = tracking_error(samples, meta)
         first, last = (round(time / meta["dt"]) for time in meta["steady"])
         rows.append(np.interp(np.arange(first, last), np.rint(samples["time"] / meta["dt"]), error))
     return np.stack(rows)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from stagectl.api.gap_closing import close_gap
-from stagectl.config.stage_file import load_stage
+from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.experiment_design.unseen import unseen
 from stagectl.plan import plan
+from stagectl.simulation import simulate
 from stagectl.workflows import closing_errors, gap_closing
 from stagectl.workflows.trials import Machine
 from tests.conftest import CONFIG
@@ -128,6 +129,14 @@ def test_the_motions_are_within_the_limits_of_every_stage() -> None:
         for motion in motions:
             plan(setup, motion.trajectory, setup.controller.feedforward)
             assert 1.0 < motion.duration < 12.0
+
+
+def test_an_exact_model_leaves_two_counts_on_each_of_them(ball_screw: Setup) -> None:
+    """The first period asks for nothing that the delay forbids: that would be the largest error of any good model."""
+    p = ball_screw.controller
+    for motion in unseen(ball_screw):
+        rows = simulate(ball_screw, plan(ball_screw, motion.trajectory, p.feedforward), p.law)
+        assert np.abs(rows["error"]).max() <= 2.0 * ball_screw.stage.encoder.step, motion.name
 
 
 def test_an_effect_that_is_dropped_is_named_in_the_new_stage_file(tmp_path: Path) -> None:

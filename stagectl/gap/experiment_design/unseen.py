@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from stagectl.config.stage_file import Setup
+from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, Recipe, made
 from stagectl.gap.experiment_design.motions import sine
 from stagectl.gap.experiment_design.stage_scale import (
@@ -13,6 +14,7 @@ from stagectl.gap.experiment_design.stage_scale import (
     rounded,
     scale_of,
 )
+from stagectl.trajectories import Dwell, Sequence
 from stagectl.trajectories.periodic import Sine
 from stagectl.trajectories.profiles import SCurve
 
@@ -26,7 +28,17 @@ def unseen(setup: Setup) -> tuple[Experiment, ...]:
 
     Raises GapError where the stage has no room to move.
     """
-    return made(scale_of(setup), _RECIPES, HELD_OUT)
+    return tuple(map(_at_rest_first, made(scale_of(setup), _RECIPES, HELD_OUT)))
+
+
+def _at_rest_first(one: Experiment) -> Experiment:
+    """The same after a standstill: no current comes before the delay is over, whatever a model knows.
+
+    Without it a jump of the acceleration in the first period is the largest error of all that follows.
+    """
+    motion = one.trajectory
+    assert isinstance(motion, Sequence)
+    return one._replace(trajectory=Sequence((Dwell(thresholds.REST), *motion.parts)))
 
 
 def _sine(p: StageScale) -> tuple[Sine, ...]:
