@@ -101,9 +101,14 @@ def design(p: stage.Stage, control: Settings) -> Controller:
 
 def _unloading(p: stage.Stage, dt: float) -> unloading.Unloading:
     """How the feedback gives up what it took at rest."""
-    sliding, gain = stage.sliding(p.friction), p.motor.force_constant
-    mean = sliding / stage.longest_slip(p.friction)
-    return unloading.Unloading(dt * stage.stiffness(p.friction) / gain, dt * mean / gain, 2.0 * sliding / gain)
+    per_period, sliding = dt / p.motor.force_constant, stage.sliding(p.friction)
+    bristle = p.friction.bristle.stiffness if p.friction.bristle.coulomb > 0.0 else 0.0
+    return unloading.Unloading(
+        per_period * (stage.stiffness(p.friction) - bristle),
+        per_period * stage.reversed_stiffness(p.friction),
+        2.0 * sliding / p.motor.force_constant,
+        per_period * 2.0 * bristle,
+    )
 
 
 def designed_observer(p: stage.Stage, control: Settings, designed: Feedback) -> observer.Observer:

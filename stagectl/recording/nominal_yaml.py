@@ -18,6 +18,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.design import Control
 from stagectl.drives.drive import Canopen
 from stagectl.kernels.effects import TURN
+from stagectl.kernels.unloading import Unloading
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.metadata import written
@@ -161,7 +162,7 @@ def _controller(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
         **_anticipation(file, meta),
         **_observer(meta),
         "standstill_band": meta["law"].get("standstill_band", 0.0),
-        "unloading": list(meta["law"].get("unloading", {}).values()) or None,
+        "unloading": list(Unloading(**held)) if (held := meta["law"].get("unloading")) else None,
         "states_at_first_row": _START,
         "anti_windup": _ANTI_WINDUP,
         "command_limit_A": meta["law"]["current_limit"],

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from stagectl.kernels import cascade, feedback, law, unloading
+from stagectl.compensation.legs import Array
+from stagectl.config.stage_file import Setup
+from stagectl.design import design
+from stagectl.kernels import cascade, feedback, friction, friction_bristle, friction_path, law, unloading
+from stagectl.kernels.plant import Friction
 
 P = unloading.Unloading(against=4.0, along=0.5, range=8.0)
 INTEGRATING = feedback.Pid(0.0, 1.0, 0.0, 0.0)  # the error of each period is integrated half at a time
@@ -18,15 +23,55 @@ MOVING, RESTING = law.Setpoint(0.0, 0.0, 0.0, 1.0, 0.25), law.Setpoint(0.0, 0.0,
     [
         (-3.0, 0.25, 1.0),
         (3.0, -0.25, -1.0),
-        (3.0, 0.25, -0.125),
-        (-3.0, -0.25, 0.125),
+        (3.0, 0.25, -3.0 * (1.0 - math.exp(-0.5 * 0.25 / 8.0))),
+        (-3.0, -0.25, 3.0 * (1.0 - math.exp(-0.5 * 0.25 / 8.0))),
         (-0.5, 2.0, 0.5),
         (0.0, 2.0, 0.0),
     ],
 )
 def test_it_is_given_up_by_the_way_and_never_beyond_zero(held: float, velocity: float, change: float) -> None:
-    assert unloading.given_up(P, unloading.State(0.0, held, 1.0), velocity) == change
+    assert unloading.given_up(P, unloading.State(0.0, held, 1.0), velocity) == pytest.approx(change, rel=1e-12)
     assert unloading.given_up(unloading.ABSENT, unloading.State(0.0, held, 1.0), velocity) == 0.0
+
+
+BUNDLE, DAHL = friction.bundle([0.5] * 8, [1e-4 * 1.6**j for j in range(8)]), friction_bristle.Bristle(2.0, 1e3)
+RUBBING = {
+    "stop operators": Friction(BUNDLE, friction.Stribeck()),
+    "Dahl": Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), DAHL),
+}
+STEP, TURNED_BACK = 2e-6, 2e-5  # rad
+
+
+@pytest.mark.parametrize(
+    ("name", "way", "within"),
+    [("stop operators", 1.0, 1e-9), ("stop operators", -1.0, 0.27), ("Dahl", 1.0, 1e-2), ("Dahl", -1.0, 1e-2)],
+)
+def test_it_gives_up_what_the_friction_takes_again(ball_screw: Setup, name: str, way: float, within: float) -> None:
+    """Friction that a standstill did not turn back, less friction that it did, along the next motion.
+
+    For stop operators that reverse, the exponential is a mean: at any place within 27 % of what was held at first.
+    """
+    moved = np.concatenate([[0.0], 1.0 + way * STEP * np.arange(4001)])
+    rested = np.concatenate([[0.0, 1.0], 1.0 - TURNED_BACK + way * STEP * np.arange(4001)])
+    missing = _force(name, moved)[1:] - _force(name, rested)[2:]
+    p = design(ball_screw.stage._replace(friction=RUBBING[name]), ball_screw.file.control).law.unloading
+    held, velocity = missing / ball_screw.stage.motor.force_constant, way * STEP / ball_screw.dt
+    x = unloading.State(0.0, -float(held[0]), 1.0)
+    for current in held[1:]:
+        x = unloading.after(p, x, velocity, unloading.given_up(p, x, velocity), 0.0)
+        assert -x.unloaded == pytest.approx(current, abs=within * held[0])
+
+
+def _force(name: str, path: Array) -> Array:
+    """Friction (n,) along a path, from rest."""
+    p = RUBBING[name]
+    if p.bristle.coulomb == 0.0:
+        out = np.empty(len(path))
+        friction_path.gms(friction.Gms(p.operators, p.stribeck), friction.relaxed(p.operators), path, 1.0, out)
+        return out
+    columns = np.empty((len(path), 2))
+    friction_path.bristle(p.bristle, path, 1.0, columns)
+    return columns[:, 0]
 
 
 def test_what_changes_at_rest_is_held_and_what_was_carried_before_stays() -> None:

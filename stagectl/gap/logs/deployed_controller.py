@@ -32,7 +32,7 @@ _POLE = Quantity("rad/s", "(0, 1e9]", "pole of the derivative's filter")
 _PERIOD = Quantity("s", "[1e-6, 1]", "control period")
 _ADVANCE = Quantity("s", "[-1, 1]", "time by which it looks ahead")
 _BAND = Quantity("rad | m", "[0, 1]", "error that is left alone while the reference stands still")
-_UNLOADING = Quantity("", "[0, 1e15]", "A of the integral given up per unit of speed and period, against and along; A")
+_UNLOADING = Quantity("", "[0, 1e15]", "A of the integral given up per unit of speed and period; the range is in A")
 _LIMIT = Quantity("A", "(0, inf]", "largest command")
 _SPAN = Quantity("", "[1, 2]", "periods over which the velocity is differenced")
 _KEYS = (
@@ -108,7 +108,10 @@ def _law(c: Block, dt: float) -> law.Law:
 def _unloading(c: Block) -> unloading.Unloading:
     values = c.numbers("unloading", _UNLOADING)
     if len(values) not in (0, len(unloading.ABSENT)):
-        raise c.refused("unloading", "must be three numbers: rates against the motion and along it, and the range")
+        raise c.refused(
+            "unloading",
+            "must be four numbers: rates against the motion and along it, the range, and the bristle's rate",
+        )
     return unloading.Unloading(*values)
 
 

@@ -17,6 +17,7 @@ from stagectl.simulation import structured
 from stagectl_studies.machine.controller import Loop, Rows
 from stagectl_studies.machine.machine import Machine
 from stagectl_studies.machine.plant import Setting, noise_of, simulated
+from stagectl_studies.machine.standstill import Rest
 
 AHEAD = ("feedforward", "friction", "learned", "injection")  # terms of the command that are known beforehand
 
@@ -32,7 +33,8 @@ class Axis(NamedTuple):
         r = plan.setpoints
         column = {name: np.ascontiguousarray(r[:, place]) for name, place in SETPOINT_COLUMNS.items()}
         known = np.sum([column[name] for name in AHEAD], axis=0)
-        rows = Rows(column["reference"], column["target"], known, np.zeros(len(r)))
+        still = np.zeros(len(r))
+        rows = Rows(column["reference"], column["target"], known, still, column["velocity"], column["friction"])
         noise = noise_of(self.machine, len(r), np.random.default_rng([self.seed, number]))
         trace = simulated(self.machine, loop_of(setup), rows, noise, Setting())
         if trace.lost:
@@ -49,8 +51,10 @@ class Axis(NamedTuple):
 
 
 def loop_of(setup: Setup) -> Loop:
-    """The machine's own PID with the gains that stagectl designs."""
+    """The machine's own PID, and its rules at rest, with the numbers that stagectl designs."""
     gains = designed_feedback(setup.stage, setup.file.control)
     if not isinstance(gains, feedback.Gains):
         raise TypeError("the exam's machine has a PID loop only")
-    return Loop(setup.dt, 0.0, gains.proportional, gains.integral, gains.derivative, gains.pole)
+    law = setup.controller.law
+    rest = Rest(law.standstill_band, *law.unloading)
+    return Loop(setup.dt, 0.0, gains.proportional, gains.integral, gains.derivative, gains.pole, rest=rest)

@@ -15,6 +15,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from stagectl_studies.machine.jit import compiled
 from stagectl_studies.machine.machine import Floats
+from stagectl_studies.machine.standstill import Rest
 
 
 class Model(NamedTuple):
@@ -38,6 +39,7 @@ class Loop(NamedTuple):
     pole: float = 1.0
     advance: float = 0.000659
     friction_advance: float = 0.000909
+    rest: Rest = Rest()
 
 
 class Rows(NamedTuple):
@@ -47,6 +49,8 @@ class Rows(NamedTuple):
     target: Floats  # y0
     feedforward: Floats  # A
     injection: Floats  # A
+    speed: Floats  # rad/s, of the reference
+    friction: Floats  # A, within `feedforward`
 
 
 def designed(model: Model, bandwidth: float, lag: float = 0.000159, delay_samples: int = 1) -> Loop:
@@ -129,8 +133,9 @@ def prepared(model: Model, loop: Loop, reference: Floats, injection: Floats) -> 
     current = tracking(model, ahead, period).ravel()[:n]
     target = targets(model, frames(spline, n, period, 0.0), reference, period)
     later = held(spline, np.arange(n) + loop.friction_advance / period, n - 1, 0)
-    friction = stops(model.weight, model.slip, np.concatenate([reference[:1], later]))[1:]
-    return Rows(reference, target, current + friction / model.force_constant, injection)
+    friction = stops(model.weight, model.slip, np.concatenate([reference[:1], later]))[1:] / model.force_constant
+    speed = held(spline, np.arange(n, dtype=np.float64), n - 1, 1) / period
+    return Rows(reference, target, current + friction, injection, speed, friction)
 
 
 @compiled
