@@ -24,7 +24,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     inside &= closed(samples)  # an open loop has no tracking error
     if not len(samples) or samples["time"][-1] < meta["steady"][1] - 1.5 * meta["dt"]:
         inside[:] = False  # the run ended within its window: no figure is better than one of another window
-    error = (latched_reference(samples, meta) - samples["measured"]) * scale
+    error = tracking_error(samples, meta)
     result: dict[str, Any] = {
         "stage": meta["name"],
         "trajectory": meta["trajectory"],
@@ -57,6 +57,14 @@ def travelled(position: NDArray[np.float64]) -> list[float]:
     """Lowest and highest position, from where the run began."""
     moved = position - position[:1]
     return [float(moved.min(initial=0.0)), float(moved.max(initial=0.0))]
+
+
+def tracking_error(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.float64]:
+    """Reference minus measured position (n,), both of the instant of the latch, in the unit of travel (m or rad)."""
+    error: NDArray[np.float64] = (latched_reference(samples, meta) - samples["measured"]) * meta["axis"][
+        "travel_per_unit"
+    ]
+    return error
 
 
 def latched_reference(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.float64]:
