@@ -23,7 +23,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     inside &= closed(samples)  # an open loop has no tracking error
     if not len(samples) or samples["time"][-1] < meta["steady"][1] - 1.5 * meta["dt"]:
         inside[:] = False  # the run ended within its window: no figure is better than one of another window
-    error = tracking_error(samples, meta) * scale
+    error = tracking_error(samples, meta)
     result: dict[str, Any] = {
         "stage": meta["name"],
         "trajectory": meta["trajectory"],
@@ -66,12 +66,12 @@ def latched_reference(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np
 
 
 def tracking_error(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.float64]:
-    """Reference minus measured (n,) rad | m, both of the instant at which the position was latched.
+    """Reference minus measured (n,) m | rad of travel, both of the instant at which the position was latched.
 
     Where the controller has a map of the encoder's errors, that is what the encoder should read minus what it reads.
     """
     should = samples["target"] if meta.get("encoder_mapped") else latched_reference(samples, meta)
-    error: NDArray[np.float64] = should - samples["measured"]
+    error: NDArray[np.float64] = (should - samples["measured"]) * meta["axis"]["travel_per_unit"]
     return error
 
 
@@ -93,7 +93,8 @@ def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
     Where the loop is open at the end there is no target position: then whether the run ended without a fault.
     """
     last = slice(-max(1, round(DWELL / meta["dt"])), None)
-    allowed = WINDOW_COUNTS * (meta["axis"]["encoder_step"] or 1e-9)
+    axis = meta["axis"]
+    allowed = WINDOW_COUNTS * (axis["encoder_step"] or 1e-9) * axis["travel_per_unit"]
     near = np.abs(tracking_error(samples, meta)[last]) <= allowed
     near |= ~closed(samples)[last]
     whole = samples["time"][-1:] >= meta["duration"]

@@ -25,14 +25,4 @@ def in_parallel(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
     if len(waiting) < 2 or cores() == 1:
         return [function(item) for item in waiting]
     with ThreadPoolExecutor(min(cores(), len(waiting))) as pool:
-        return _gathered(pool, function, waiting)
-
-
-def _gathered(pool: ThreadPoolExecutor, function: Callable[[A], B], items: list[A]) -> list[B]:
-    futures = [pool.submit(function, item) for item in items]
-    try:
-        return [future.result() for future in futures]
-    except BaseException:
-        for future in futures:
-            future.cancel()
-        raise
+        return list(pool.map(function, waiting))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import enum
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +15,11 @@ def below(place: str, name: str) -> str:
     return f"{place}.{name}" if place else name
 
 
+def nearest(word: str, known: Sequence[str]) -> str:
+    """The known name that a mistyped `word` is most like; empty where it is like none."""
+    return next(iter(difflib.get_close_matches(word, known, 1)), "")
+
+
 def absent(path: Path) -> str:
     """What to say of a file that is not there: ``no such file or folder: did you mean config/ball-screw.yaml?``."""
     folder = path.parent
@@ -21,8 +27,8 @@ def absent(path: Path) -> str:
         return f"it is a folder, and a file is expected here: choose one, see `ls {path}`"
     if not folder.is_dir():
         return f"no such file or folder: there is no folder {folder}"
-    near = difflib.get_close_matches(path.name, [entry.name for entry in folder.iterdir()], 1)
-    return f"no such file or folder: {f'did you mean {folder / near[0]}?' if near else f'see `ls {folder}`'}"
+    near = nearest(path.name, [entry.name for entry in folder.iterdir()])
+    return f"no such file or folder: {f'did you mean {folder / near}?' if near else f'see `ls {folder}`'}"
 
 
 def why_unread(cause: Exception) -> str:

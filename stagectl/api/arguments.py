@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -10,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
+from stagectl.problem import nearest
 from stagectl.units import Quantity, StageError, UnitError, parse, unit_in
 
 if TYPE_CHECKING:
@@ -69,8 +69,8 @@ def switched_off(without: Iterable[str], compensator: str = "model") -> frozense
 
         for name in unknown:
             if name not in answered():
-                near = difflib.get_close_matches(name, (*known, *answered()), 1)
-                hint = f": did you mean {near[0]}?" if near else f"; must be one of {', '.join((*known, *answered()))}"
+                near = nearest(name, (*known, *answered()))
+                hint = f": did you mean {near}?" if near else f"; must be one of {', '.join((*known, *answered()))}"
                 raise ArgumentError("without", name, hint)
     return frozenset("friction" if name == compensator else name for name in names)
 

@@ -82,13 +82,12 @@ class MotionRecord(PrintedResult):
         return frame(self.to_arrays(), self.units)
 
     def tracking_error(self) -> Array:
-        """`evaluation.tracking_error` (n,) in m of travel (or rad)."""
-        meta = self.recording.meta
-        error: Array = tracking_error(self.samples, meta) * meta["axis"]["travel_per_unit"]
-        return error
+        """Reference minus measured position (n,) of the instant it was latched, in m of travel (or rad)."""
+        return tracking_error(self.samples, self.recording.meta)
 
     def sheet(self) -> Sheet:
         """What it achieved; of a log the range of each column."""
+        from stagectl.report.page import Table
         from stagectl.report.tables import run as tables
 
         if self.summary:
@@ -97,7 +96,8 @@ class MotionRecord(PrintedResult):
             return Sheet(title, tables.answer(self.summary, self.samples), [table], self.notes)
         rows = [[name, *_range(self[name]), self.units[name]] for name in self.columns]
         notes = (*self.notes, *self.recording.meta.get("notes", ()))
-        return Sheet(str(self.path), f"{len(self)} rows", [tables.columns(rows)], notes)
+        table = Table("", ["column", "lowest", "highest", "unit"], rows)
+        return Sheet(str(self.path), f"{len(self)} rows", [table], notes)
 
     def plot(self) -> Figure:
         """Position, tracking error and current over time."""

@@ -119,13 +119,13 @@ def presets(json: Json = None) -> None:
 
 
 def _chosen(name: str | None) -> Any:
-    from stagectl.drives.canopen.presets import NAMES, named
+    from stagectl.drives.canopen.presets import BY_NAME
 
     if name is None:
         return None
-    if name not in NAMES:
-        raise StageError(f"--preset {name}; must be one of {', '.join(NAMES)}: see `stagectl drive presets`")
-    return named(name)
+    if name not in BY_NAME:
+        raise StageError(f"--preset {name}; must be one of {', '.join(BY_NAME)}: see `stagectl drive presets`")
+    return BY_NAME[name]
 
 
 def _show(result: Any) -> None:

@@ -66,10 +66,12 @@ def selftest(
     without_compiler()
     if report is not None:
         require("report", "--report")
+    from stagectl.config.stage_file import load_stage
     from stagectl.selftest import matrix, remote
-    from stagectl.workflows.motion import drive_present
+    from stagectl.workflows.motion import canopen, drive_present
 
-    setup = _checked(stage)
+    setup = load_stage(stage)
+    canopen(setup)  # refuses any other wire
     gentle = _gentle(setup, current, travel)
     with drive_present(setup, console.print) if gentle else contextlib.nullcontext():
         tried = remote.bench(setup, only, gentle)
@@ -98,15 +100,6 @@ def _show_result(result: dict[str, Any], report: Path | None) -> None:
         from stagectl.report.selftest import page
 
         console.print(f"report: {page(result, report, typed_files())}")
-
-
-def _checked(stage: Path) -> Any:
-    from stagectl.config.stage_file import load_stage
-    from stagectl.workflows.motion import canopen
-
-    setup = load_stage(stage)
-    canopen(setup)
-    return setup
 
 
 def _show(json: str | None) -> None:

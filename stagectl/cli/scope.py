@@ -78,8 +78,6 @@ def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | Non
     from rich.live import Live
     from rich.text import Text
 
-    from stagectl.cli.scope import lines
-
     if once:
         machine, capture = next(seen)
         axis, about = _about(machine, axis)

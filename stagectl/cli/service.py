@@ -24,7 +24,7 @@ AxisName = Annotated[str, typer.Option("--axis", metavar="NAME", help="One axis;
 fault = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=True)
 
 
-@shutdown_signals.held_back()
+@shutdown_signals.held_back(*shutdown_signals.STOPS)
 def serve(
     stages: Annotated[
         list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")

@@ -6,7 +6,6 @@ that was found and what is admissible.  All problems of a file are reported toge
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -17,7 +16,7 @@ from stagectl.config.bounds import DEEPEST_BLOCK, LONGEST_LIST, LONGEST_SHOWN, L
 from stagectl.config.hints import extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, compose, entry_of
-from stagectl.problem import Problem, ProblemKind, below
+from stagectl.problem import Problem, ProblemKind, below, nearest
 from stagectl.units import StageError, Tagged, quantity_of
 
 
@@ -93,8 +92,9 @@ class Reader:
             return Problem("is written twice", ProblemKind.REPEATED, remedy="remove one")
         if word in known:
             return None
-        near = _nearest(word, known) if len(self.problems) < MOST_PROBLEMS else ""  # the search is slow
-        return Problem("is not known", ProblemKind.UNKNOWN, remedy=near)
+        near = nearest(word, known) if len(self.problems) < MOST_PROBLEMS else ""  # the search is slow
+        remedy = f"did you mean {near}?" if near else f"known are {', '.join(sorted(filter(None, known)))}"
+        return Problem("is not known", ProblemKind.UNKNOWN, remedy=remedy)
 
     def _tagged(self, tag: Tagged, node: yaml.Node, name: str) -> Any:
         if not name and not isinstance(node, yaml.MappingNode):
@@ -197,11 +197,6 @@ def _unusable(reason: str) -> StageError:
 def _shown(text: str) -> str:
     text = text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
     return text if text.isprintable() and text.strip() else ascii(text)
-
-
-def _nearest(word: str, known: tuple[str, ...]) -> str:
-    near = difflib.get_close_matches(word, known, n=1)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(k for k in known if k))}"
 
 
 def load(

@@ -46,6 +46,11 @@ class Encoder(NamedTuple):
     eccentricity: plant.Eccentricity = Harmonic()
     interpolation: plant.Interpolation = Harmonic()
 
+    @property
+    def one_count(self) -> float:
+        """Length or angle of one count (rad | m), whichever way it is given; 0 where it is not."""
+        return self.step or (2.0 * math.pi / self.counts_per_revolution if self.counts_per_revolution else 0.0)
+
 
 class InProcess(NamedTuple):
     """No wire: the stage model runs in the loop's own process."""

@@ -76,8 +76,7 @@ def _limits(file: StageFile) -> Iterator[Problem]:
 
 def _following_error(file: StageFile) -> Iterator[Problem]:
     """The encoder must see less than the limit, and the travel must hold more."""
-    axis, limits, encoder = file.axis, file.limits, file.encoder
-    count = encoder.step or (2.0 * math.pi / encoder.counts_per_revolution if encoder.counts_per_revolution else 0.0)
+    axis, limits, count = file.axis, file.limits, file.encoder.one_count
     span = limits.travel[1] - limits.travel[0]
     if span > 0.0 and not count < limits.following_error < span:
         least, error, most = (size * axis.travel_per_unit for size in (count, limits.following_error, span))

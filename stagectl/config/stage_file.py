@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -149,9 +148,7 @@ def _design(setup: Setup) -> design.Controller:
 
 
 def _assembled(file: StageFile) -> stage.Stage:
-    wire, counts = file.drive.wire, file.encoder.counts_per_revolution
-    step = 2.0 * math.pi / counts if counts else file.encoder.step
-    assert step is not None  # exactly one of the two, as `conflicts` checks
+    wire = file.drive.wire
     return stage.Stage(
         stage.Drive(
             wire.command_scale if isinstance(wire, Canopen) else 0.0,
@@ -163,7 +160,9 @@ def _assembled(file: StageFile) -> stage.Stage:
         file.motor,
         file.mechanics,
         friction_of(file.friction),
-        stage.Encoder(step, file.encoder.delay_samples, file.encoder.eccentricity, file.encoder.interpolation),
+        stage.Encoder(
+            file.encoder.one_count, file.encoder.delay_samples, file.encoder.eccentricity, file.encoder.interpolation
+        ),
         _table(file.residual),
     )
 

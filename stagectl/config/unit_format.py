@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 from collections.abc import Sequence
@@ -14,7 +13,7 @@ from stagectl.config.bounds import LINE_WIDTH, READABLE, WRITTEN_DIGITS
 from stagectl.config.hints import fields_of, tag_of, without_none
 from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, entry_of, node_at
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, nearest
 from stagectl.units import UnitError, factor, quantity_of
 
 _PREFIXED = {"m": (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0)), "s": (("us", 1e-6), ("ms", 1e-3), ("s", 1.0))}
@@ -34,8 +33,8 @@ def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
             reason, remedy = "cannot be changed alone", f"give all of {'.'.join(words[:depth])} as a mapping"
             raise ConfigError(Problem(reason, ProblemKind.SHAPE, name, remedy=remedy))
         if word not in known:
-            near = difflib.get_close_matches(word, known, 1)
-            remedy = f"did you mean {'.'.join((*words[:depth], *near))}?" if near else f"known are {', '.join(known)}"
+            near = nearest(word, known)
+            remedy = f"did you mean {'.'.join((*words[:depth], near))}?" if near else f"known are {', '.join(known)}"
             raise ConfigError(Problem("is not known", ProblemKind.UNKNOWN, name, remedy=remedy))
         quantity = quantity_of(hint)
         hint = fields_of(Annotated[kind, quantity] if quantity else kind)[word]

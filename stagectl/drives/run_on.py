@@ -30,7 +30,8 @@ class RunOn(NamedTuple):
     def distance(self, timeout: float) -> float:
         """Way (rad | m) until it stands, where the drive notices after `timeout` (s); inf where nothing stops it."""
         fastest = self.speed + self.acceleration * timeout
-        return 0.5 * (self.speed + fastest) * timeout + self._braked(fastest)
+        braked = fastest * fastest / (2.0 * self.deceleration) if self.deceleration > 0.0 else math.inf
+        return 0.5 * (self.speed + fastest) * timeout + braked
 
     def cost(self, timeout: float) -> float:
         """Way (rad | m) that it goes further than by a stop at once; inf where nothing stops it."""
@@ -46,9 +47,6 @@ class RunOn(NamedTuple):
         way = free / (1.0 + self.acceleration / self.deceleration)
         # the root of a T^2/2 + v T - way, in the form that keeps its digits where a or v is small
         return 2.0 * way / (self.speed + math.sqrt(self.speed**2 + 2.0 * self.acceleration * way))
-
-    def _braked(self, speed: float) -> float:
-        return speed * speed / (2.0 * self.deceleration) if self.deceleration > 0.0 else math.inf
 
 
 class AxisLimits(NamedTuple):

@@ -22,7 +22,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.constants import CURVE_POINTS, CURVE_REACH, LADDER, LADDER_REACH, LAG_STEPS
@@ -68,7 +67,8 @@ def model(setup: Setup) -> str:
     for name in ("cogging", "cogging_second"):
         wave: Harmonic = getattr(p.motor, name)
         if wave.amplitude:
-            _passive(actuators, name, cogging=f"{wave.amplitude!r} {_order(p, wave)!r} {wave.phase!r}")
+            order = wave.order * TURN / p.mechanics.pitch  # periods a radian of MuJoCo's angle: the position itself
+            _passive(actuators, name, cogging=f"{wave.amplitude!r} {order!r} {wave.phase!r}")
     late = _delayed(p.encoder.delay_samples * setup.dt, time)
     _child(_child(root, "sensor"), "jointpos", name="measured", joint=AXIS, **late)
     _rest(root, p, each)
@@ -141,17 +141,11 @@ def _lugre(p: Bristle) -> str:
     return " ".join(map(repr, (p.stiffness, p.damping, p.coulomb, static, curve.velocity)))
 
 
-def _order(p: Stage, wave: Harmonic) -> float:
-    """Periods of a harmonic a radian of MuJoCo's angle, which is the position itself."""
-    return wave.order * TURN / p.mechanics.pitch
-
-
 def _child(parent: ElementTree.Element, tag: str, /, **entries: object) -> ElementTree.Element:
     words = {key: repr(value) if isinstance(value, float) else str(value) for key, value in entries.items()}
     return ElementTree.SubElement(parent, tag, words)
 
 
-Array = NDArray[np.float64]
 GAUSSIAN = 2.0  # the shape of the Stribeck curve that `lugre` has
 
 

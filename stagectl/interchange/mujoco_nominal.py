@@ -25,7 +25,7 @@ from stagectl.units import LINEAR, ROTARY, StageError
 
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): ROTARY, int(mujoco.mjtJoint.mjJNT_SLIDE): LINEAR}
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
-_FIXED, _DCMOTOR = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_DCMOTOR)
+_FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
 _LAGS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _DIRECT = int(mujoco.mjtDyn.mjDYN_NONE)
 _GAUSSIAN = 2.0  # shape of the Stribeck curve in `lugre`

@@ -63,11 +63,8 @@ def commands(setup: Setup) -> dict[str, Array]:
     t = setup.dt * np.arange(periods)
     wave = np.sin(2.0 * np.pi * TRIED * t) * np.minimum(t * TRIED, 1.0)
     quantum = p.drive.current_quantum
-    return {name: _whole(share * holds * wave, quantum) for name, share in MOTIONS.items()}
-
-
-def _whole(current: Array, quantum: float) -> Array:
-    return current if quantum == 0.0 else np.floor(current / quantum + 0.5) * quantum
+    currents = {name: share * holds * wave for name, share in MOTIONS.items()}
+    return {name: np.floor(x / quantum + 0.5) * quantum if quantum else x for name, x in currents.items()}
 
 
 def positions(setup: Setup, current: Array) -> Array:

@@ -232,11 +232,9 @@ class Axis(AxisData):
         told = fault < Fault.FOLLOWING_ERROR or fault is self.seen.fault
         self.reason = self.drive.explain() if self.drive is not None and told else row.causes
         self.reason = f"{self.judged}{self.reason}"
-        head = f"{row.words}; {row.category.words}" if self._under_power() else without_power(fault)
+        under_power = self.powered and self.state is not _ENABLING
+        head = f"{row.words}; {row.category.words}" if under_power else without_power(fault)
         self.board.say(f"{head}. {self.reason}. Next: {row.next}".replace(". . ", ". "))
-
-    def _under_power(self) -> bool:
-        return self.powered and self.state is not _ENABLING
 
     def take(self, order: Order) -> bool:
         """An order of the service; False where it cannot be given now."""

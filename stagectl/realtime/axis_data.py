@@ -121,7 +121,6 @@ class AxisData:
             time.monotonic(), max(patience, self._patience),
             seen.position, watch.speed, asked.reference, output.error, output.current, seen.statusword,
             self.homed, row, rows, self.motions, self.settled, watch.heat, *self.stopped, self.governed,
-            max(patience, self.shown * self.dt),
         ))  # fmt: skip
 
     def count_from(self, by: float) -> None:

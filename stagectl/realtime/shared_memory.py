@@ -26,7 +26,6 @@ from stagectl.recording.ring import counts
 from stagectl.units import StageError
 
 SLOTS, SLOT = 16, 1024  # orders, and bytes of each
-SILENCE = 0.1  # s; chosen; an ordinary machine may hold a process up so long
 AHEAD = 1 << 15  # rows of setpoints, 16 s at 2 kHz
 _HEAD = 32  # bytes of a slot before the numbers: verdict and `_ORDER`
 NUMBERS = (SLOT - _HEAD) // 8
@@ -67,11 +66,6 @@ class Status(NamedTuple):
     stop_time: float = 0.0  # s that the last stop took
     stop_distance: float = 0.0  # rad | m
     power: float = 0.0  # 1: our law acts
-    period: float = 0.0  # s after `tick` that the next sign of life is due where nothing holds the loop up
-
-    def silent(self, now: float) -> bool:
-        """Whether the loop has missed two signs of life at `now` (s, monotonic clock): what is shown is of the past."""
-        return self.tick > 0.0 and now - self.tick > max(2.0 * self.period, SILENCE)
 
 
 class Order(NamedTuple):

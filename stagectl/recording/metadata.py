@@ -54,7 +54,7 @@ def of_axis(setup: Setup, running: Controller, text: str) -> dict[str, Any]:
         "nm": p.encoder.delay_samples,
         "law": written(running.law),
         "feedforward": written(running.feedforward),
-        "compensation": _form(setup.file.compensation),
+        "compensation": {"form": name_of(setup.file.compensation), **written(setup.file.compensation)},
         "files": {"stage": {"name": setup.path.name, "text": text}},
         "versions": versions(),
     }
@@ -96,11 +96,6 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     for name, value in values.items():
         named |= flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
     return named
-
-
-def _form(compensation: Any) -> dict[str, Any]:
-    """The friction compensation's form by its name, with its numbers."""
-    return {"form": name_of(compensation), **written(compensation)}
 
 
 def read_law(values: dict[str, Any]) -> law.Law:

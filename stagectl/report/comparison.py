@@ -9,6 +9,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from stagectl.evaluation import tracking_error, window
@@ -100,8 +101,13 @@ def _decades(axes: Axes, values: Any) -> None:
     """Limits of whole half decades, numbers written out."""
     low, high = np.log10(np.min(values)), np.log10(np.max(values))
     axes.set_xlim(10 ** (np.floor(2 * low - 0.2) / 2), 10 ** (np.ceil(2 * high + 0.2) / 2))
-    axes.xaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(mpl.ticker.NullFormatter())
+    _written_out(axes.xaxis)
+
+
+def _written_out(axis: Axis) -> None:
+    """Numbers in place of powers of ten, and none between the decades."""
+    axis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(mpl.ticker.NullFormatter())
 
 
 def errors(result: Result) -> Figure:
@@ -128,8 +134,7 @@ def _error(path: Path) -> tuple[Any, Any]:
     recording = open_recording(path)
     samples, meta = recording.samples, recording.meta
     inside = window(samples["time"], meta["steady"])
-    error = tracking_error(samples, meta) * meta["axis"]["travel_per_unit"]
-    return samples["time"][inside], error[inside]
+    return samples["time"][inside], tracking_error(samples, meta)[inside]
 
 
 def courses(learned: list[Result]) -> Figure:
@@ -145,8 +150,7 @@ def courses(learned: list[Result]) -> Figure:
                 course["kept"], scale * rms[course["kept"] - 1], "o", color=colour, markersize=9, fillstyle="none"
             )
         axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
+        _written_out(axes.yaxis)
         axes.xaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))
         axes.set(xlabel="trial (ring: the course that is kept)", ylabel=f"rms error [{unit}]")
         axes.legend(fontsize=8)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.export import ExportedModel
-from stagectl.interchange.round_trip import Array, Compared
+from stagectl.interchange.round_trip import Array
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, embedded
 from stagectl.report.page import Page, Picture, Table
@@ -63,15 +63,11 @@ def _table(setup: Setup, exported: ExportedModel) -> Table:
     head = ["run", "motion", f"rms difference, {unit}", "of the friction's effect, %", "of the motion, %"]
     scale = 1e6 * setup.file.axis.travel_per_unit
     rows = [
-        [name, motion.name, f"{scale * motion.difference:.3g}", *_percent(motion)]
+        [name, motion.name, f"{scale * motion.difference:.3g}", *map(_shown, (motion.of_friction, motion.of_motion))]
         for name, each in exported.variants.items()
         for motion in each
     ]
     return Table("There against here", head, rows, (0, 1))
-
-
-def _percent(motion: Compared) -> list[str]:
-    return [_shown(share) for share in (motion.of_friction, motion.of_motion)]
 
 
 def motions(setup: Setup, exported: ExportedModel) -> Figure:

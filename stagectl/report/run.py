@@ -77,7 +77,7 @@ def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
     currents = [curve for curve in currents if np.isfinite(curve[1]).any()]
     shown = [_drawn(samples, places, ("position", unit), (steady,))]
     if {"reference", "closed"} <= set(names):
-        error = np.where(evaluation.closed(samples), evaluation.tracking_error(samples, meta) * scale, np.nan)
+        error = np.where(evaluation.closed(samples), evaluation.tracking_error(samples, meta), np.nan)
         inside = evaluation.window(samples["time"], meta["steady"])
         shown.append(_drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside]))
     return [*shown, *([_drawn(samples, currents, ("current", "A"), (steady,))] if currents else [])]

@@ -94,14 +94,6 @@ def _or(value: float | None, words: Any) -> str:
 HEAD = ("fault", "component", "kind", "what happens", "stop", "parameters")
 
 
-def lines() -> Iterator[str]:
-    """The table, a fault a line, in Markdown."""
-    yield f"| {' | '.join(HEAD)} |"
-    yield f"|{'---|' * len(HEAD)}"
-    for fault in faults():
-        yield f"| `{fault['fault']}` | {' | '.join(fault[column] for column in HEAD[1:])} |"
-
-
 def faults() -> Iterator[dict[str, str]]:
     """Each fault in words, by the columns of the table."""
     for row in TABLE:

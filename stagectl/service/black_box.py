@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.drives.drive import Fault
-from stagectl.realtime.shared_memory import Board, Status
+from stagectl.realtime.shared_memory import Board
 from stagectl.realtime.states import State
 from stagectl.recording.beside import order_of, word_of
 from stagectl.recording.hdf5 import RecordingError, Writer
@@ -71,7 +71,8 @@ class Watcher:
             self._wait_for(row + round(AFTER / self.p.dt), gone)
             self.seen = int(status.faults)
             return self._take(Fault(int(status.fault)).name.lower(), self.board.words, row)
-        if gone and not self.ring.closed and _had_power(status):
+        unsettled = int(status.state) in (State.ENABLING, State.QUICK_STOPPING, State.COASTING)
+        if gone and not self.ring.closed and (status.power or unsettled):
             words = "the real-time process died while the axis had power"
             return self._take("process_died", words, self.ring.written)
         return self.write() if self.kept and time.monotonic() > self._retry else None
@@ -133,10 +134,6 @@ class Watcher:
         end = time.monotonic() + _PATIENCE
         while self.ring.written < row and not self.ring.closed and not gone and time.monotonic() < end:
             gone = word_of(self.p.alive, POLL) == b""
-
-
-def _had_power(status: Status) -> bool:
-    return bool(status.power) or int(status.state) in (State.ENABLING, State.QUICK_STOPPING, State.COASTING)
 
 
 def _fresh(folder: Path, stem: str) -> Path:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from stagectl.realtime.scheduling import PARENT
 from stagectl.recording.ring import Ring
+from stagectl.service.shutdown_signals import held_back
 
 _PATIENCE = 180.0  # s for a companion to become ready: it may have to compile
 _LEAVE = 15.0  # s for it to end after the loop: it may be behind
@@ -94,7 +95,7 @@ class Companion(NamedTuple):
 
 def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
     """Start ``python -m module`` with these open descriptors and this kind of kernels (see `kernels.jit`)."""
-    with _interrupts_held():
+    with held_back(signal.SIGINT):  # until it has its own say: Ctrl-C while it imports would end it with a traceback
         process = subprocess.Popen(
             [*PYTHON, "-m", module],
             stdin=subprocess.PIPE,
@@ -108,16 +109,6 @@ def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
 def environment(**more: str) -> dict[str, str]:
     """Of a child that ends with this process: ours, and `more`."""
     return {**os.environ, **more, PARENT: str(os.getpid())}
-
-
-@contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """A child starts with SIGINT blocked: Ctrl-C while it still imports would end it with a traceback."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

@@ -42,7 +42,8 @@ class Installation(NamedTuple):
 
 def contents(installation: Installation) -> dict[str, str]:
     """The files by their place below the root."""
-    texts = {name: (_templates() / name).read_text(encoding="utf-8") for name in PLACES}
+    templates = _IN_WHEEL if _IN_WHEEL.is_dir() else Path(__file__).parents[2] / "systemd"
+    texts = {name: (templates / name).read_text(encoding="utf-8") for name in PLACES}
     wanted = (UNIT, USERS, RULES, *([SOCKET] if installation.tcp else []))
     files = {PLACES[name]: _filled(texts[name], _unit(installation)) for name in wanted}
     wire = _socketcan(installation)
@@ -50,11 +51,6 @@ def contents(installation: Installation) -> dict[str, str]:
         values = {"CHANNEL": wire.channel, "BITRATE": f"{wire.bitrate:.0f}", "QUEUE": str(QUEUE)}
         files |= {PLACES[name]: _filled(texts[name], values) for name in (NETWORK, LINK)}
     return files
-
-
-def _templates() -> Path:
-    """Where the templates are: next to this file in a wheel, in `systemd/` of a checkout."""
-    return _IN_WHEEL if _IN_WHEEL.is_dir() else Path(__file__).parents[2] / "systemd"
 
 
 def _filled(text: str, values: dict[str, str]) -> str:
@@ -73,7 +69,8 @@ def _unit(installation: Installation) -> dict[str, str]:
     single = len(installation.stages) == 1
     stages = " ".join(f'"{path}"' if single else f'"{name}={path}"' for name, path, _ in installation.stages)
     stages += "" if installation.coupled else " --uncoupled"
-    home = any(_under_home(path) for path in (installation.python, *(path for _, path, _ in installation.stages)))
+    paths = (installation.python, *(path for _, path, _ in installation.stages))
+    home = any(path.absolute().parts[1:2] in (("home",), ("root",)) for path in paths)
     families = ["AF_UNIX", "AF_NETLINK", *(["AF_CAN"] if wire else [])]  # none for TCP: systemd opens that port
     listening = "{}:{}".format(*installation.tcp) if installation.tcp else ""
     return {
@@ -104,10 +101,6 @@ def _after(wire: Canopen | None, tcp: bool) -> str:
 def _reachable(host: str) -> str:
     """Whom the service may talk to over IP: nobody, this machine, or anybody, by the `host` that it listens on."""
     return "" if not host else "localhost" if host in ("127.0.0.1", "localhost", "[::1]") else "any"
-
-
-def _under_home(path: Path) -> bool:
-    return path.absolute().parts[1:2] in (("home",), ("root",))
 
 
 def install(installation: Installation, root: Path, start: bool) -> list[str]:

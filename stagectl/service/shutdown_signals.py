@@ -18,9 +18,9 @@ STOPS = (signal.SIGTERM, signal.SIGINT)
 
 
 @contextlib.contextmanager
-def held_back() -> Iterator[None]:
-    """Have these signals wait until `stop_event` is called, or until a refusal leaves this context."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+def held_back(*signals: signal.Signals) -> Iterator[None]:
+    """Have these signals wait until this context is left, or `stop_event` is called."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     try:
         yield
     finally:

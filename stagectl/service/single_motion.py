@@ -77,15 +77,6 @@ class Shared(NamedTuple):
     board: Board
 
 
-class _Processes(NamedTuple):
-    """Loop and recorder, and the pipe that ends when the loop does."""
-
-    loop: Child
-    recorder: Child
-    alive: int  # descriptor of its reading end
-    companion: Child | None
-
-
 class Ended(NamedTuple):
     """The loop's report of the motion."""
 
@@ -96,7 +87,7 @@ class Ended(NamedTuple):
     reason: str
     refused: list[str]  # what the kernel refused
     recorded: bool  # whether the recorder wrote all of it
-    companion: int | None = None  # exit code of the companion; None: there was none
+    companion: int | None  # exit code of the companion; None: there was none
 
 
 def move(motion: Motion, progress: Progress) -> Ended:
@@ -106,37 +97,31 @@ def move(motion: Motion, progress: Progress) -> Ended:
     """
     motion.recording.parent.mkdir(parents=True, exist_ok=True)
     shared = Shared(Ring.create(rollout.WIDTH), Board.create(len(motion.plan.setpoints)))
+    ring, board = shared
     alive, held = os.pipe()
     with (
-        closed_after(shared.ring.descriptor, shared.board.descriptor, alive),
-        running_companion(motion.companion, shared.ring, alive) as (companion, codes),
-        started("recorder", (shared.ring.descriptor, alive)) as recorder,
-        started("loop", (shared.ring.descriptor, shared.board.descriptor, held)) as loop,
+        closed_after(ring.descriptor, board.descriptor, alive),
+        running_companion(motion.companion, ring, alive) as (companion, codes),
+        started("recorder", (ring.descriptor, alive)) as recorder,
+        started("loop", (ring.descriptor, board.descriptor, held)) as loop,
     ):
         os.close(held)
-        ended = _watch(motion, _Processes(loop, recorder, alive, companion), shared, progress)
-    return ended._replace(companion=codes[0] if codes else None)
-
-
-def _watch(motion: Motion, processes: _Processes, shared: Shared, progress: Progress) -> Ended:
-    loop, recorder, alive, companion = processes
-    ring = shared.ring
-    loop.send(posted(motion, shared))
-    ready = event_of(loop, "ready")
-    motion = starting_at(motion, ready["position"])
-    if companion is not None:
-        companion.say(repr(float(ready["position"])))
-    meta = {**motion.meta, "drive": ready["drive"], "origin": ready["position"]}
-    recorder.send(Order(ring.place, alive, str(motion.recording), meta, rollout.COLUMNS))
-    if recorder.line() != "ready":
-        raise DriveError(f"the recorder cannot write {motion.recording}; nothing has moved; see the message above")
-    shared.board.order(boards.Order(Event.ENABLE))
-    shared.board.order(laid_on(shared.board, motion.plan.setpoints))
-    loop.say("go")
-    ended = _follow(loop, ring, len(motion.plan.setpoints), progress)
-    recorded = recorder.wait() == 0
+        loop.send(posted(motion, shared))
+        ready = event_of(loop, "ready")
+        motion = starting_at(motion, ready["position"])
+        if companion is not None:
+            companion.say(repr(float(ready["position"])))
+        meta = {**motion.meta, "drive": ready["drive"], "origin": ready["position"]}
+        recorder.send(Order(ring.place, alive, str(motion.recording), meta, rollout.COLUMNS))
+        if recorder.line() != "ready":
+            raise DriveError(f"the recorder cannot write {motion.recording}; nothing has moved; see the message above")
+        board.order(boards.Order(Event.ENABLE))
+        board.order(laid_on(board, motion.plan.setpoints))
+        loop.say("go")
+        ended = _follow(loop, ring, len(motion.plan.setpoints), progress)
+        recorded = recorder.wait() == 0
     facts = {name: ended[name] for name in ("cycles", "late", "fault", "words", "reason")}
-    return Ended(**facts, refused=ready["refused"], recorded=recorded)
+    return Ended(**facts, refused=ready["refused"], recorded=recorded, companion=codes[0] if codes else None)
 
 
 def laid_on(board: Board, rows: NDArray[np.float64]) -> boards.Order:

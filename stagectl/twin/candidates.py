@@ -43,11 +43,11 @@ def of_mechanics(p: stage.Stage, dt: float) -> list[tuple[TwinCandidate, Change]
     changes: list[tuple[TwinCandidate, Change]] = [
         (TwinCandidate("inertia", "kg m^2 | kg", body.inertia, body.inertia, *relative), _inertia),
         (TwinCandidate("viscous", "N m s/rad | N s/m", body.viscous, viscous, *relative), _added("viscous", viscous)),
-        (TwinCandidate("coulomb", "N m | N", sliding, sliding, *relative), _coulomb),
+        (TwinCandidate("coulomb", "N m | N", sliding, sliding, *relative), _friction(stage.scaled_friction)),
         (TwinCandidate("bias", "N m | N", body.bias, holding, *relative), _added("bias", holding)),
         (shift, lambda p: p),  # its rows are nudged, not its model
         (TwinCandidate("force_constant", "N m/A | N/A", force_constant, force_constant, *relative), _force_constant),
-        (TwinCandidate(PRESLIDING, "rad | m", length, length, *form), _stretched),
+        (TwinCandidate(PRESLIDING, "rad | m", length, length, *form), _friction(stage.stretched_friction)),
         (TwinCandidate(BEND, "", 0.0, float(length > 0.0), *form), _bent),
     ]
     return [pair for pair in changes if pair[0].scale > 0.0]
@@ -82,17 +82,12 @@ def _added(field: str, scale: float) -> Change:
     return change
 
 
-def _coulomb(p: stage.Stage) -> stage.Stage:
-    return p._replace(friction=stage.scaled_friction(p.friction, 1.0 + thresholds.NUDGE))
-
-
 def _force_constant(p: stage.Stage) -> stage.Stage:
     return p._replace(motor=p.motor._replace(force_constant=p.motor.force_constant * (1.0 + thresholds.NUDGE)))
 
 
-def _stretched(p: stage.Stage) -> stage.Stage:
-    """A longer rolling zone."""
-    return p._replace(friction=stage.stretched_friction(p.friction, 1.0 + thresholds.NUDGE))
+def _friction(change: Callable[[stage.Friction, float], stage.Friction]) -> Change:
+    return lambda p: p._replace(friction=change(p.friction, 1.0 + thresholds.NUDGE))
 
 
 def _bent(p: stage.Stage) -> stage.Stage:

@@ -77,7 +77,7 @@ def by_key(keys: Keys, seat: Seat) -> Check:
     def refusal(scope: Any) -> Answer | None:
         if scope["type"] == "websocket":
             scope["keys"] = keys
-        if scope["type"] != "http" or _public(scope["path"]):
+        if scope["type"] != "http" or scope["path"] == PUBLIC[0] or scope["path"].startswith(PUBLIC[1]):
             return None
         bearer = dict(scope["headers"]).get(b"authorization", b"").decode("latin-1")
         scope["may"] = may = keys.grant(bearer.removeprefix("Bearer ")) if bearer else Permission.NOTHING
@@ -117,10 +117,6 @@ def _ours(headers: dict[bytes, bytes], home: bool) -> bool:
 
 async def _closed(scope: Any, receive: Any, send: Any) -> None:
     await send({"type": "websocket.close", "code": 1008})
-
-
-def _public(path: str) -> bool:
-    return path == PUBLIC[0] or path.startswith(PUBLIC[1])
 
 
 def _no(status: int, words: str) -> JSONResponse:

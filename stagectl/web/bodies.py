@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict
 from starlette.requests import Request
 from starlette.responses import JSONResponse
 
@@ -12,6 +13,12 @@ from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import BODY, BODY_TIME, STRUCTURE, UPLOAD
 
 UPLOADS = ("/v1/trajectory",)  # take larger bodies
+
+
+class Strict(BaseModel):
+    """A body whose unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class Bodies:

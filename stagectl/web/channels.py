@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, get_type_hints
+from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import law, rollout
+from stagectl.recording.hdf5 import quantities
 from stagectl.service.axis_controller import COLUMNS, ServiceError
-from stagectl.units import Quantity, StageError, factor, quantity_of
+from stagectl.units import Quantity, StageError, factor
 from stagectl.web.limits import CHANNELS
 
 _HIDDEN = ("time", "true_position")  # the first is the axis of time, the second is not known on a machine
@@ -29,13 +29,20 @@ def channels(setup: Setup) -> dict[str, Channel]:
     """All channels of an axis by name."""
     axis = setup.file.axis
     known = {}
-    for name, quantity in _quantities().items():
+    for name, quantity in {**quantities(), "state": _STATE}.items():
+        if name in _HIDDEN:
+            continue
         unit, scale = quantity.unit_for(axis.kind), 1.0
         for angle in ("rad", "m"):
             if unit in (angle, f"{angle}/s"):
                 unit, scale = unit.replace(angle, axis.travel_unit, 1), axis.travel_per_unit
         known[name] = Channel(name, COLUMNS.index(name), unit, scale, quantity.meaning)
     return known
+
+
+def described(known: Mapping[str, Channel]) -> dict[str, dict[str, str]]:
+    """Unit and meaning of channels by name, as JSON values."""
+    return {name: {"unit": channel.unit, "meaning": channel.meaning} for name, channel in known.items()}
 
 
 def side_by_side(setups: Mapping[str, Setup]) -> dict[str, Channel]:
@@ -71,13 +78,3 @@ def level(channel: Channel, text: str) -> float:
             if channel.unit
             else f"trigger level {text}; must be a number without a unit"
         ) from error
-
-
-def _quantities() -> dict[str, Quantity]:
-    hints = {
-        name: quantity_of(hint)
-        for block in (law.Setpoint, law.Output, rollout.Observed)
-        for name, hint in get_type_hints(block, include_extras=True).items()
-    }
-    hints["state"] = _STATE
-    return {name: hint for name, hint in hints.items() if hint is not None and name not in _HIDDEN}

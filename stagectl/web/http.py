@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from starlette.routing import Match, Route
 
 from stagectl.config.bounds import LARGEST_FILE
@@ -25,19 +25,13 @@ from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
-from stagectl.web.bodies import for_client
+from stagectl.web.bodies import Strict, for_client
 from stagectl.web.limits import AXES, AXIS_NAME, EFFECTS, FILE_NAME, GAINS, LARGEST_NUMBER, PLACE, QUANTITY, TABLES
 
 AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
 NamedAxis = Annotated[str, Field(max_length=AXIS_NAME)]  # a constrained key is looked at: it must be text
 NamedPlace = Annotated[str, Field(max_length=PLACE, examples=["motor.cogging"])]
 Length = Annotated[str, Field(max_length=QUANTITY, examples=["10 mm"], description="With its unit.")]
-
-
-class Strict(BaseModel):
-    """A body whose unknown keys are errors."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class Refusal(BaseModel):

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from fastapi import FastAPI, Query, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import MOVING_VIEWERS, READING_VIEWERS
@@ -19,8 +19,8 @@ from stagectl.service.recordings import LONGEST
 from stagectl.service.service import Service
 from stagectl.web import assets, virtual_faults
 from stagectl.web.access_control import Permission
-from stagectl.web.bodies import for_client
-from stagectl.web.channels import channels
+from stagectl.web.bodies import Strict, for_client
+from stagectl.web.channels import channels, described
 from stagectl.web.export import Exports
 from stagectl.web.limits import AXIS_NAME, FILE_NAME, KEY_TIME, PATH_PART, REACHED_BACK, RECORDED
 from stagectl.web.seats import leaves, seated, stays
@@ -39,10 +39,9 @@ _HEADERS = {
 Part = Annotated[str, InPath(max_length=PATH_PART)]
 
 
-class Record(BaseModel):
+class Record(Strict):
     """A recording to be begun."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
     axis: Annotated[str, Field(max_length=AXIS_NAME)] = ""
     name: Annotated[str, Field(max_length=FILE_NAME, description="Of the file; empty: the time.")] = ""
     before: float = Field(0.0, ge=0.0, le=REACHED_BACK, description="s before now, as far as they are still there.")
@@ -124,13 +123,7 @@ def _reading(app: FastAPI, service: Service) -> None:
     @app.get("/v1/channels", response_model=dict[str, dict[str, dict[str, str]]])
     async def known() -> dict[str, dict[str, dict[str, str]]]:
         """What a scope can show, by axis: unit and meaning."""
-        return {
-            axis.name: {
-                name: {"unit": channel.unit, "meaning": channel.meaning}
-                for name, channel in channels(axis.setup).items()
-            }
-            for axis in service.axes.values()
-        }
+        return {axis.name: described(channels(axis.setup)) for axis in service.axes.values()}
 
 
 def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:

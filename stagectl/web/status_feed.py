@@ -14,7 +14,7 @@ from stagectl.drives.drive import Canopen
 from stagectl.recording.ring import Ring
 from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.service import Service
-from stagectl.web.channels import Channel, channels, side_by_side
+from stagectl.web.channels import Channel, channels, described, side_by_side
 from stagectl.web.limits import CYCLES_OVER, EDGES, FAULTS_SHOWN, KEPT, STATUS_AGE
 from stagectl.web.virtual_faults import may_be_virtual
 
@@ -83,10 +83,7 @@ class StatusFeed:
                 "virtual": may_be_virtual(axis),
                 "follows_sync": may_be_virtual(axis) and axis.setup.file.simulation.clock == "sync",
                 "gains": axis.gain_units(),
-                "channels": {
-                    name: {"unit": channel.unit, "meaning": channel.meaning}
-                    for name, channel in self._seen_from(axis).items()
-                },
+                "channels": described(self._seen_from(axis)),
             }
             for axis in self._service.axes.values()
         }

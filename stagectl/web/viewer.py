@@ -142,7 +142,8 @@ class Viewer:
         try:
             request = read(text)
             if isinstance(request, DetailRequest):
-                return self._closer(request)
+                view, part = self._view, request
+                return view[0].closer(part.start, part.end, part.points, part.number) if view else None
             if isinstance(request, HoldRequest):
                 self._held = request.held
             elif isinstance(request, ScopeRequest):
@@ -239,6 +240,3 @@ class Viewer:
         settings = Settings(rows, min(round(p.before * rows), rows - 1), trigger, mode, pause, round(HELD_OFF / dt))
         window = Window(tuple(chosen(known, p.channels)), p.span, p.points)
         return ScopeView(source, dt, window, settings), source, p
-
-    def _closer(self, p: DetailRequest) -> bytes | None:
-        return None if self._view is None else self._view[0].closer(p.start, p.end, p.points, p.number)

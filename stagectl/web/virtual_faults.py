@@ -6,7 +6,7 @@ import asyncio
 from typing import Annotated, Any
 
 from fastapi import FastAPI
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from stagectl.config.fault_words import read_fault
 from stagectl.drives.drive import Canopen
@@ -15,13 +15,13 @@ from stagectl.drives.virtual.inject import ask, socket_path
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.service import Service
 from stagectl.units import StageError
+from stagectl.web.bodies import Strict
 from stagectl.web.limits import AXIS_NAME, FILE_NAME, QUANTITY, TABLES
 
 
-class Injection(BaseModel):
+class Injection(Strict):
     """A fault of the virtual drive; without a name all of them end."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
     axis: Annotated[str, Field(max_length=AXIS_NAME)] = ""
     fault: Annotated[str, Field(max_length=FILE_NAME, examples=["encoder-stuck"])] = ""
     parameters: list[Annotated[str, Field(max_length=QUANTITY, examples=["duration=0.5 s"])]] = Field(

@@ -98,7 +98,7 @@ def _half_width(products: Array) -> Array:
 
 
 def _traces(recordings: list[str]) -> Array:
-    """Tracking errors (repeats, n) over the steady window, in axis units; late periods lie between their neighbours."""
+    """Tracking errors (repeats, n) over the steady window, in travel; late periods lie between their neighbours."""
     rows = []
     for path in recordings:
         recording = open_recording(Path(path))

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special  # not `stats`, which takes a second to import
 
-from stagectl.evaluation import latched_reference
+from stagectl.evaluation import latched_reference, tracking_error
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95  # of the interval of a change; convention
@@ -50,7 +50,7 @@ class Verdict(NamedTuple):
 def legs(rows: NDArray[Any], meta: dict[str, Any]) -> tuple[Array, float]:
     """The rms tracking error (n,) of each whole leg that is as fast as the fastest (m | rad), and that speed."""
     reference = latched_reference(rows, meta)
-    error = (reference - rows["measured"]) * meta["axis"]["travel_per_unit"]
+    error = tracking_error(rows, meta)
     speed = np.abs(np.gradient(reference, meta["dt"]))
     ends = np.flatnonzero(np.diff(np.sign(np.gradient(reference)))) + 1
     whole = [slice(begin, end) for begin, end in itertools.pairwise(ends) if end - begin >= SHORTEST_LEG]

@@ -14,7 +14,7 @@ from stagectl.config.fault_words import read_fault
 from stagectl.config.stage_file import load_stage
 from stagectl.drives.faults import BLOCKS, TABLE, OnOffFault, PositionJump
 from stagectl.drives.virtual.inject import InjectError, InjectionSocket, ask, obey, socket_path
-from stagectl.report.selftest import lines
+from stagectl.report.selftest import HEAD, faults
 from stagectl.runtime_folder import short_name
 from stagectl.units import StageError
 from tests.conftest import CONFIG, ROOT, Command
@@ -132,5 +132,6 @@ def test_the_stage_file_takes_faults_and_refuses_what_is_none(tmp_path: Path) ->
 
 def test_the_manual_is_the_table() -> None:
     manual = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
-    assert "\n".join(lines()) in manual
+    rows = [f"| `{fault['fault']}` | {' | '.join(fault[column] for column in HEAD[1:])} |" for fault in faults()]
+    assert "\n".join([f"| {' | '.join(HEAD)} |", f"|{'---|' * len(HEAD)}", *rows]) in manual
     assert all(f"`{name}`" in manual for name in BLOCKS)

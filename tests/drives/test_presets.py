@@ -24,7 +24,7 @@ def test_four_families_and_each_says_where_it_is_written() -> None:
 
 def test_the_makers_own_worked_figure() -> None:
     """Elmo's guide, page 104: 2 A of a motor rated 3200 mA are 625 in 0x6071."""
-    values = presets.wire_values(presets.named("elmo-gold"), 3.2)
+    values = presets.wire_values(presets.BY_NAME["elmo-gold"], 3.2)
     assert 2.0 / values["command_scale"] == pytest.approx(625.0)
     assert values["command_object"] == 0x6071_00
 
@@ -76,7 +76,7 @@ def test_what_the_drive_does_not_tell_is_a_doubt(bench: Workbench, tmp_path: Pat
 
 def test_a_chosen_family_wins_over_the_vendor(bench: Workbench) -> None:
     bench.running()
-    result = probe(bench.settings(), bench.bus(), presets.named("cia402"))
+    result = probe(bench.settings(), bench.bus(), presets.BY_NAME["cia402"])
     assert result.preset.name == "cia402"
     assert "0x6085" in result.doubts[0]
 

@@ -99,12 +99,3 @@ def test_setpoints_wrap_around(sides: tuple[Board, Board]) -> None:
     assert loop.setpoint(30000) == (0.0, *[0.0] * 7)
     assert loop.setpoint(29999) == (9999.0, *[0.0] * 7)
     assert loop.setpoint(50000) is None
-
-
-def test_a_loop_that_is_held_up_shows_within_two_signs_of_life() -> None:
-    """SIGSTOP: the last status stays on the board."""
-    status = Status(tick=100.0, period=0.2)
-    assert [status.silent(100.0 + age) for age in (0.0, 0.2, 0.39, 0.41, 5.0)] == [False, False, False, True, True]
-    assert not Status(tick=100.0, period=0.004).silent(100.05)  # an ordinary machine is not punctual
-    assert Status(tick=100.0, period=0.004).silent(100.11)
-    assert not Status().silent(100.0)  # nothing was shown yet

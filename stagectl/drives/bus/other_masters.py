@@ -174,14 +174,10 @@ def _read(descriptor: int) -> Holder:
     """What its holder says of itself; of another user, so nothing in it is believed to have a form."""
     try:
         said = json.loads(os.pread(descriptor, LOCK_TEXT, 0))
-        pid, texts = int(said["pid"]), [_shown(said[name]) for name in Holder._fields[1:]]
+        pid, texts = int(said["pid"]), [str(said[name]) for name in Holder._fields[1:]]
     except (OSError, ValueError, KeyError, TypeError):
         return Holder(0, "", "", "")
-    return Holder(pid, *texts)
-
-
-def _shown(value: object) -> str:
-    return "".join(letter if letter.isprintable() else "?" for letter in str(value))
+    return Holder(pid, *("".join(c if c.isprintable() else "?" for c in text) for text in texts))
 
 
 def _locked(wire: Canopen | Odrive, other: Holder) -> OtherMasterError:

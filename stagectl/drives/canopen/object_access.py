@@ -98,7 +98,7 @@ class ObjectAccess:
         """
         fits, refusal = fits or (lambda value: value == wanted), None
         value = self._readable(index, subindex)
-        if value != wanted and self._exists(index, subindex):
+        if value != wanted and self.node.object_dictionary.get_variable(index, subindex) is not None:
             try:
                 self.write(wanted, index, subindex)
             except SetupInterruptedError:
@@ -154,9 +154,6 @@ class ObjectAccess:
         """The error about an object (index << 8 | subindex) of this node; `words` follow the id of the node."""
         node = self.settings.node
         return DriveError(f"node {node}{words}", place=place, node=node, object_key=key, value=value)
-
-    def _exists(self, index: int, subindex: int) -> bool:
-        return self.node.object_dictionary.get_variable(index, subindex) is not None
 
     def _readable(self, index: int, subindex: int) -> int | None:
         """Value of an object; None where the drive does not have it, or does not let it be read."""

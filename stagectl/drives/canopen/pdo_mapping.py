@@ -95,8 +95,12 @@ def _existing(
 ) -> Iterator[tuple[int, int, int, tuple[int, ...], str, int]]:
     """Place, identifier, transmission type, objects, struct codes and length of each PDO of a direction that exists."""
     for n in range(_COUNT):
-        identifier, objects, codes, length = number(parameter + n, 1), *_mapped(od, number, mapping + n)
-        if not identifier & INVALID and objects:
+        identifier, at = number(parameter + n, 1), mapping + n
+        entries = [number(at, subindex) for subindex in range(1, number(at, 0) + 1)]
+        if not identifier & INVALID and entries:
+            variables: list[Any] = [od.get_variable(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
+            codes = "".join(CODES[variable.data_type] for variable in variables)
+            objects, length = tuple(entry >> 8 for entry in entries), sum(entry & 0xFF for entry in entries) // 8
             yield n, identifier & 0x7FF, number(parameter + n, 2), objects, codes, length
 
 
@@ -138,11 +142,3 @@ def _mappable(od: canopen.ObjectDictionary, entry: int, received: bool) -> None:
         raise SdoAbortedError(cia402.NOT_MAPPABLE)
     if len(variable) != bits:
         raise SdoAbortedError(cia402.WRONG_LENGTH)
-
-
-def _mapped(od: canopen.ObjectDictionary, number: Number, index: int) -> tuple[tuple[int, ...], str, int]:
-    """Objects, struct codes and length (bytes) of one mapping."""
-    entries = [number(index, subindex) for subindex in range(1, number(index, 0) + 1)]
-    variables: list[Any] = [od.get_variable(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
-    codes = "".join(CODES[variable.data_type] for variable in variables)
-    return tuple(entry >> 8 for entry in entries), codes, sum(entry & 0xFF for entry in entries) // 8

@@ -145,18 +145,13 @@ PRESETS = (
         ("IEC 61800-7-201 (CiA 402-2): cyclic synchronous torque mode",),
     ),
 )
-NAMES = tuple(preset.name for preset in PRESETS)
+BY_NAME = {preset.name: preset for preset in PRESETS}
 GENERIC = PRESETS[-1]
 
 
 def for_vendor(vendor: int | None) -> Preset:
     """The preset of a vendor id; the generic one where there is none."""
     return next((preset for preset in PRESETS if vendor is not None and preset.vendor == vendor), GENERIC)
-
-
-def named(name: str) -> Preset:
-    """The preset of this name.  Raises KeyError."""
-    return next(preset for preset in PRESETS if preset.name == name)
 
 
 def wire_values(preset: Preset, rated: float) -> dict[str, float | int]:

@@ -116,7 +116,7 @@ def against_eds(wire: Canopen, read: Read, preset: Preset) -> list[str]:
 
 
 def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeResult:
-    vendor, modes = number(read(*_IDENTITY)), number(read(cia402.SUPPORTED_MODES, 0))
+    vendor, modes = number(read(cia402.IDENTITY, 1)), number(read(cia402.SUPPORTED_MODES, 0))
     preset = chosen or presets.for_vendor(vendor)
     reported_rated = number(read(preset.rated >> 8, preset.rated & 0xFF))
     current = rated or (reported_rated * 1e-3 if reported_rated else None)
@@ -128,9 +128,6 @@ def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeR
     if unit == RPM_PER_SECOND and values:
         values["deceleration_scale"] = presets.RPM_PER_SECOND
     return ProbeResult(answers, vendor, modes, current, preset, values, tuple(_doubts(preset, modes, current, values)))
-
-
-_IDENTITY = (cia402.IDENTITY, 1)
 
 
 def _identity(read: Read) -> dict[str, str]:

@@ -66,10 +66,6 @@ class DriveParts(NamedTuple):
 _Action = Callable[[DriveParts, Any, float], Undo]
 
 
-def _of_frames(m: DriveParts, p: Any, now: float) -> Undo:
-    return m.bus.add(frame_rule(p, m.bus))
-
-
 def _cut_off(m: DriveParts) -> Undo:
     return m.bus.add(Rule("both", frozenset(), faulty_bus.lose(1.0, m.bus.random)))
 
@@ -114,10 +110,6 @@ def _encoder_off(m: DriveParts, p: Any, now: float) -> Undo:
 def _stuck(m: DriveParts, p: Any) -> Distortion:
     counts = m.axis.sensor.counts
     return Distortion(lambda _: counts, lambda _: 0.0)
-
-
-def _jump(m: DriveParts, p: Any) -> Distortion:
-    return Distortion(lambda counts: counts + p.counts, lambda velocity: velocity)
 
 
 def _jumping(m: DriveParts, p: Any, now: float) -> Undo:
@@ -194,11 +186,11 @@ def _skewed(m: DriveParts, p: Any, now: float) -> Undo:
     return lambda: m.clock.run_at(1.0)
 
 
-ACTIONS: dict[str, _Action] = dict.fromkeys(FRAME_FAULTS, _of_frames) | {
+ACTIONS: dict[str, _Action] = dict.fromkeys(FRAME_FAULTS, lambda m, p, now: m.bus.add(frame_rule(p, m.bus))) | {
     "bus-off": _bus_off,
     "encoder-off": _encoder_off,
     "encoder-stuck": _encoder(_stuck),
-    "encoder-jump": _encoder(_jump),
+    "encoder-jump": _encoder(lambda m, p: Distortion(lambda counts: counts + p.counts, lambda velocity: velocity)),
     "encoder-jumping": _jumping,
     "encoder-garbage": _encoder(_noise),
     "encoder-reversed": _encoder(_scaled),

@@ -127,7 +127,8 @@ class PowerStage:
                 self.homing.advance(seconds)
                 self._reference = self.homing.reference
             else:
-                self._reference = _towards_zero(self._reference, self.options.deceleration * seconds)
+                left = max(abs(self._reference) - self.options.deceleration * seconds, 0.0)
+                self._reference = math.copysign(left, self._reference)
             current = self._gain * (self._reference - self.sensor.velocity) + self._weight
             self.plant.command(self._actuator(current))
         if self.brake.free:
@@ -166,7 +167,10 @@ class PowerStage:
         option = self.options.abort_connection
         if self.state is not DriveState.OPERATION_ENABLED or option == 0:
             return False
-        {1: self.trip, 2: self._cut, 3: self.quick_stop}[option]()
+        if option == 2:  # power off
+            self._leave_for(DriveState.SWITCH_ON_DISABLED)
+        else:
+            {1: self.trip, 3: self.quick_stop}[option]()
         return True
 
     def restart(self) -> None:
@@ -194,9 +198,6 @@ class PowerStage:
     def distort(self, distortion: Callable[[float], float]) -> Undo:
         """Distort the motor's current until the returned function is called."""
         return self._actuator.distort(distortion)
-
-    def _cut(self) -> None:
-        self._leave_for(DriveState.SWITCH_ON_DISABLED)
 
     def _enter(self, state: DriveState) -> None:
         self.state = state
@@ -257,7 +258,3 @@ class PowerStage:
         if after is not self.state:
             self._enter(after)
         self._stopped(stop)
-
-
-def _towards_zero(value: float, step: float) -> float:
-    return math.copysign(max(abs(value) - step, 0.0), value)

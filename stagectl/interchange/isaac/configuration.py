@@ -20,7 +20,7 @@ from stagectl.kernels.plant import Friction, Stage
 
 VERSION = "3.0.0"
 MODULE, CLASS = "isaaclab.actuators", "DelayedPDActuatorCfg"
-NUMBER, NUMBERS = (float,), (float, dict, type(None))
+NUMBERS = (float, dict, type(None))
 FIELDS: dict[str, tuple[type, ...]] = {  # types of each field
     "class_type": (type, str),
     "joint_names_expr": (list,),

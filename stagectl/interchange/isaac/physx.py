@@ -64,17 +64,15 @@ def _positions(found: Configuration, current: Array) -> Array:
         entries["armature"], entries["friction"], entries["dynamic_friction"], entries["viscous_friction"]
     )  # fmt: skip
     limit = math.inf if entries["actuator_effort_limit"] is None else entries["actuator_effort_limit"]
-    efforts = np.clip(_late(found.constant * current + found.bias, entries["max_delay"]), -limit, limit)
+    wanted = found.constant * current + found.bias
+    late = np.concatenate([np.full(entries["max_delay"], wanted[0]), wanted])[: len(wanted)]
+    efforts = np.clip(late, -limit, limit)
     position, velocity, positions = 0.0, 0.0, np.empty(len(current))
     for k, effort in enumerate(efforts.tolist()):
         positions[k] = position
         velocity = step(p, velocity, effort, found.step)
         position += found.step * velocity
     return positions
-
-
-def _late(efforts: Array, delay: int) -> Array:
-    return np.concatenate([np.full(delay, efforts[0]), efforts])[: len(efforts)]
 
 
 def step(p: Joint, velocity: float, effort: float, dt: float) -> float:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from stagectl.compensation.legs import Array
 from stagectl.config.stage_blocks import Axis as StageAxis
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
@@ -59,7 +58,8 @@ def forces_over(over: str, details: Mapping[str, Any], axis: StageAxis = SLIDER)
         axes.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="measured: F - M a - D v")
         for name in SHOWN:
             line = "--" if name.endswith("-free") else "-"
-            label = f"{NAMES[name]}, rms {_rms(curves, name):.2g} {unit}"
+            rms = float(np.sqrt(np.mean(np.square(curves["friction"] - curves[name]))))
+            label = f"{NAMES[name]}, rms {rms:.2g} {unit}"
             axes.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
         axes.axhline(0.0, color=FAINT, linewidth=0.6)
         axes.axvline(0.0, color=FAINT, linewidth=0.6)
@@ -69,7 +69,3 @@ def forces_over(over: str, details: Mapping[str, Any], axis: StageAxis = SLIDER)
         )
         axes.legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncols=2, fontsize=7.5, columnspacing=1.2)
     return figure
-
-
-def _rms(curves: Mapping[str, Array], name: str) -> float:
-    return float(np.sqrt(np.mean(np.square(curves["friction"] - curves[name]))))

@@ -12,16 +12,12 @@ def parameters(result: dict[str, Any]) -> Table:
     rows = [
         [
             f"{name.replace('_', ' ')} [{parameter['unit']}]".replace(" []", ""),
-            _number(parameter["value"]),
+            "not known" if parameter["value"] is None else f"{parameter['value']:.6g}",
             _interval(parameter),
         ]
         for name, parameter in result["parameters"].items()
     ]
     return Table("Parameters", ["parameter", "value", "95 % interval"], rows)
-
-
-def _number(value: float | None) -> str:
-    return "not known" if value is None else f"{value:.6g}"
 
 
 def _interval(parameter: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""What a run achieved, in a sentence and in a table; the columns of a log."""
+"""What a run achieved, in a sentence and in a table."""
 
 from __future__ import annotations
 
@@ -26,11 +26,6 @@ def answer(result: dict[str, Any], samples: NDArray[Any]) -> str:
         return "The run ended before the window in which its error is taken."
     stands = "" if result["in_position"] else " At the end the axis did not come to stand in position."
     return f"The stage tracks within {length(error['peak'], unit)}, rms {length(error['rms'], unit)}.{stands}"
-
-
-def columns(rows: list[list[str]]) -> Table:
-    """Columns of a log: name, lowest and highest value, unit."""
-    return Table("", ["column", "lowest", "highest", "unit"], rows)
 
 
 def achieved(result: dict[str, Any], meta: dict[str, Any]) -> Table:
