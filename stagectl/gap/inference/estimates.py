@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, least_squares
 from stagectl.gap.selection import baseline_fit
-from stagectl.gap.selection.linearised import Errors
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -58,12 +58,12 @@ def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Join
     rows = {name: _functional(name, known.names) for name in values}
     names = [name for name, row in rows.items() if name == "coulomb" or row.any()]
     of_columns = np.array([rows[name] for name in names])
-    matrix, moved = of_columns @ known.matrix @ of_columns.T, of_columns @ known.moved
+    matrix = of_columns @ known.matrix @ of_columns.T
     deviation = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     estimate = {}
-    for name, step, spread in zip(names, moved.tolist(), deviation.tolist(), strict=True):
+    for name, spread in zip(names, deviation.tolist(), strict=True):
         value, nominal, scale = values[name]
-        estimate[name] = Estimate(value + step, nominal, spread, scale, e.base.prior.width(name))
+        estimate[name] = Estimate(value, nominal, spread, scale, e.base.prior.width(name))
     return Joint(estimate, matrix)
 
 

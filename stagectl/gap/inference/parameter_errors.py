@@ -17,13 +17,13 @@ from scipy.special import expit, ndtr
 from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.estimates import Estimate, estimates, whole_delay
+from stagectl.gap.inference.value_errors import Errors, log_odds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
 from stagectl.gap.selection import baseline_fit, constants, refine
-from stagectl.gap.selection.linearised import Errors
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -154,19 +154,13 @@ def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike:
 
 
 def _probability(name: str, p: Estimate) -> float:
-    """Probability that a parameter has changed, and by more than what matters for a model.
-
-    The odds of a change are those of its prior to its posterior density at the nominal value: a parameter of which
-    the data say nothing is no finding, however wide its interval (J. M. Dickey, Annals of Mathematical Statistics
-    42(1), 1971).
-    """
-    prior = max(p.prior, 1e-300)
-    spread = min(max(p.deviation, 1e-9 * p.scale), prior)
-    moved = p.value - p.nominal
-    log_odds = np.log(thresholds.SHIFT_ODDS[name] * spread / prior) + 0.5 * (moved / spread) ** 2
+    """Probability that a parameter has changed, and by more than what matters for a model."""
+    spread, moved = max(p.deviation, 1e-9 * p.scale), p.value - p.nominal
+    factor = log_odds(np.array([moved]), np.array([[spread**2]]), np.array([max(p.prior, 1e-300)]))
+    odds = np.log(thresholds.SHIFT_ODDS[name]) + factor
     least = thresholds.SHIFT_LEAST[name] * p.scale
     beyond = ndtr((moved - least) / spread) + ndtr((-moved - least) / spread)
-    return float(expit(log_odds) * beyond)
+    return float(expit(odds) * beyond)
 
 
 def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:

@@ -133,16 +133,14 @@ def noise(p: Products, residuals: Sequence[Sequence[Array]]) -> Array:
     return np.array([least_squares.fit(cut, range(widest - 1)).residual_sum_of_squares for cut in summed])
 
 
-def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Array) -> tuple[Array, Array]:
-    """Amplitudes (k,) of `names` that lead from a fit to what the data and a prior say, and their square error (k, k).
+def mean_square_error(parts: Array, places: Sequence[int], mean: Array, precision: Array) -> tuple[Array, Array]:
+    """Step (k,) of the columns at `places` from a fit to what data and prior say, and its square error (k, k).
 
     The prior lies at `mean` (k,) with the `precision` (k,): a direction that the data do not excite keeps its width.
-    What a model leaves is wrong alike in all half strokes of an experiment, so whole experiments are left out in turn
-    (the jackknife, with Student's factor of 95 % for their number).  Source: B. Efron, The Jackknife, the Bootstrap and
-    Other Resampling Plans, 1982.
+    The `parts` (b, p + 1, p + 1) of the data are left out in turn (the jackknife, with Student's factor of 95 % for
+    their number).  Source: B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982.
     """
-    places, prior, parts = g.places(names), np.diag(precision), _blocks(g)
-    whole = parts.sum(axis=0)
+    prior, whole, count = np.diag(precision), parts.sum(axis=0), len(parts)
 
     def amplitudes(summed: Array) -> Array:
         best: Array = least_squares.inverse(summed[np.ix_(places, places)] + prior) @ (
@@ -150,9 +148,8 @@ def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Ar
         )
         return best
 
-    step, count = amplitudes(whole), len(parts)
-    inverse = least_squares.inverse(whole[np.ix_(places, places)] + prior)
-    if count < 2:  # one half stroke: nothing can be left out
+    step, inverse = amplitudes(whole), least_squares.inverse(whole[np.ix_(places, places)] + prior)
+    if count < 2:  # nothing can be left out
         return step, inverse
     apart = np.array([amplitudes(whole - part) for part in parts]) - step
     factor = (student_t.ppf(0.975, count - 1) / NORMAL) ** 2 * (count - 1) / count
@@ -160,12 +157,12 @@ def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Ar
     return step, error
 
 
-def _blocks(g: Grams) -> Array:
-    """Sums (b, p + 1, p + 1) over experiments, or parts of them in the order of time where there are few."""
+def by_experiment(g: Grams) -> Array:
+    """Sums (b, 2, p + 1, p + 1) over experiments, or parts of them in the order of time where there are few."""
     experiments = [np.flatnonzero(g.experiment == number) for number in np.unique(g.experiment)]
     pieces = -(-LEAST_BLOCKS // len(experiments))
     blocks = [block for strokes in experiments for block in np.array_split(strokes, pieces) if len(block)]
-    return np.array([g.both[block].sum(axis=0) for block in blocks])
+    return np.array([[cut[block].sum(axis=0) for cut in (g.effort, g.current)] for block in blocks])
 
 
 def folds(g: Grams, channel: Array) -> Array:

@@ -77,3 +77,4 @@ SINGULAR_NUISANCE = 1e-10
 # -- errors of parameters ----------------------------------------------------------------------------------------------
 # Experiments, or parts of them, that are left out in turn; chosen: with fewer, Student's factor is above 1.4.
 LEAST_BLOCKS = 5
+LOWEST_OCTAVE = 1.25  # Hz; chosen. Below it lies one part of the frequencies; above, each octave is one.
