@@ -35,14 +35,13 @@ def _fitted(parts: Array) -> Array:
 
 def _error(parts: Array, precision: Array, mean: float = 0.0) -> float:
     """Of the first amplitude."""
-    step, error = mean_square_error(parts, BOTH, np.array([mean, 0.0]), precision)
-    return float(np.sqrt(error[0, 0] + step[0] ** 2))
+    return float(mean_square_error(parts, BOTH, np.array([mean, 0.0]), precision).whole[0, 0] ** 0.5)
 
 
 def test_white_noise_gives_the_textbook_covariance() -> None:
     parts = _fitted(_parts(0.0))
     white = np.linalg.inv(parts.sum(axis=0)[:2, :2])
-    _, found = mean_square_error(parts, BOTH, np.zeros(2), np.zeros(2))
+    found = mean_square_error(parts, BOTH, np.zeros(2), np.zeros(2)).between
     np.testing.assert_allclose(np.diag(found), np.diag(white), rtol=0.3)
 
 
@@ -61,7 +60,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         square = _squares(np.concatenate([x, noise], axis=2))
         whole = square.sum(axis=0)
         best, fitted = whole[0, 1] / whole[0, 0], _fitted(square)
-        held += abs(best) < 1.96 * mean_square_error(fitted, [0], np.zeros(1), np.zeros(1))[1][0, 0] ** 0.5
+        held += abs(best) < 1.96 * mean_square_error(fitted, [0], np.zeros(1), np.zeros(1)).between[0, 0] ** 0.5
     assert 0.92 < held / 400 < 0.98
 
 
@@ -93,4 +92,4 @@ def test_a_direction_that_the_data_do_not_excite_keeps_the_width_of_its_prior() 
 def test_a_value_that_parts_of_the_data_contradict_is_not_known() -> None:
     """No noise within the parts: half of them say +1, half -1."""
     parts = _squares(np.array([[[10.0, 10.0 * sign]] for sign in (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)]))
-    assert mean_square_error(parts, [0], np.zeros(1), np.zeros(1))[1][0, 0] ** 0.5 > 0.4
+    assert mean_square_error(parts, [0], np.zeros(1), np.zeros(1)).between[0, 0] ** 0.5 > 0.4

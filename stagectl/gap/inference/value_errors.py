@@ -45,6 +45,7 @@ class Errors(NamedTuple):
     grams: Grams  # of all columns and the residual
     names: tuple[str, ...]
     matrix: Array  # (k, k) mean square error
+    between: Array  # (k, k) what of it parts of the data contradict each other by
 
     def deviations(self) -> dict[str, float]:
         """Standard error of each parameter's value in the model."""
@@ -69,8 +70,8 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
     diluted = _dilution(g.effort.sum(axis=0)[np.ix_(places, places)], names, now, left[0])
     found = {}
     for way, parts in ways(g, products, now, smooth).items():
-        step, matrix = gram_matrices.mean_square_error(np.tensordot(parts, powers, (1, 0)), places, mean, precision)
-        found[way] = Errors(g, names, matrix + np.outer(step, step) + np.diag(diluted**2))
+        error = gram_matrices.mean_square_error(np.tensordot(parts, powers, (1, 0)), places, mean, precision)
+        found[way] = Errors(g, names, error.whole + np.diag(diluted**2), error.between)
     return found
 
 
@@ -113,7 +114,7 @@ def log_odds(moved: Array, error: Array, prior: Array) -> float:
 
 
 def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisColumns, say: Say) -> Selection:
-    """`selected` with no effect more probable than that its size, with the errors of this, is not none.
+    """`selected` with no effect more probable than that its size is not none, as far as parts of the data agree on it.
 
     What is more probably of no size leaves the model.  An effect may act at one place or speed alone, but in all
     experiments that come there, and at all times.
@@ -133,5 +134,5 @@ def _of_size(valued: EffectValues, known: Errors) -> float:
     value = np.array([valued.values[each.name] for each in amplitudes])
     usual = np.array([abs(each.typical[0]) for each in amplitudes])
     prior = constants.SCALES[-1] * np.maximum(abs(value), usual)
-    odds = log_odds(value, known.matrix[np.ix_(places, places)], prior)
+    odds = log_odds(value, known.between[np.ix_(places, places)], prior)
     return float(expit(np.log(constants.INCLUSION) + odds))

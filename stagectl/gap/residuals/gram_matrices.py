@@ -133,8 +133,21 @@ def noise(p: Products, residuals: Sequence[Sequence[Array]]) -> Array:
     return np.array([least_squares.fit(cut, range(widest - 1)).residual_sum_of_squares for cut in summed])
 
 
-def mean_square_error(parts: Array, places: Sequence[int], mean: Array, precision: Array) -> tuple[Array, Array]:
-    """Step (k,) of the columns at `places` from a fit to what data and prior say, and its square error (k, k).
+class MeanSquareError(NamedTuple):
+    """Of amplitudes that data and a prior say."""
+
+    step: Array  # (k,) from the fit to them
+    between: Array  # (k, k) square error by which parts of the data contradict each other
+    prior: Array  # (k, k) what the prior's width adds where the data say little
+
+    @property
+    def whole(self) -> Array:
+        """(k, k) of the values of the fit."""
+        return self.between + self.prior + np.outer(self.step, self.step)
+
+
+def mean_square_error(parts: Array, places: Sequence[int], mean: Array, precision: Array) -> MeanSquareError:
+    """Of the columns at `places`.
 
     The prior lies at `mean` (k,) with the `precision` (k,): a direction that the data do not excite keeps its width.
     The `parts` (b, p + 1, p + 1) of the data are left out in turn (the jackknife, with Student's factor of 95 % for
@@ -150,11 +163,10 @@ def mean_square_error(parts: Array, places: Sequence[int], mean: Array, precisio
 
     step, inverse = amplitudes(whole), least_squares.inverse(whole[np.ix_(places, places)] + prior)
     if count < 2:  # nothing can be left out
-        return step, inverse
+        return MeanSquareError(step, 0.0 * inverse, inverse)
     apart = np.array([amplitudes(whole - part) for part in parts]) - step
     factor = (student_t.ppf(0.975, count - 1) / NORMAL) ** 2 * (count - 1) / count
-    error: Array = factor * apart.T @ apart + inverse @ prior @ inverse
-    return step, error
+    return MeanSquareError(step, factor * apart.T @ apart, inverse @ prior @ inverse)
 
 
 def by_experiment(g: Grams) -> Array:
