@@ -18,10 +18,10 @@ from scipy.special import expit
 
 from stagectl.gap.inference.basis_functions import BasisColumns, RunMotion
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals import data_parts, gram_matrices, least_squares
+from stagectl.gap.residuals import data_parts, gram_matrices, least_squares, sensitivities
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
-from stagectl.gap.selection import constants, linearised
+from stagectl.gap.selection import baseline_fit, constants, linearised
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.evidence import temper
 from stagectl.gap.selection.linearised import Library
@@ -67,12 +67,36 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
     names, powers = tuple(g.names[place] for place in places), [temper(cut, count) for cut in left]
     mean = np.concatenate([prior.mean for prior in nuisances])
     precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
+    apart = _by_the_command(e, now, products, (places, precision / powers[0]))
     diluted = _dilution(g.effort.sum(axis=0)[np.ix_(places, places)], names, now, left[0])
     found = {}
     for way, parts in ways(g, products, now, smooth).items():
         error = gram_matrices.mean_square_error(np.tensordot(parts, powers, (1, 0)), places, mean, precision)
-        found[way] = Errors(g, names, error.whole + np.diag(diluted**2), error.between)
+        found[way] = Errors(g, names, error.whole + np.outer(apart, apart) + np.diag(diluted**2), error.between)
     return found
+
+
+def _by_the_command(
+    e: Evidence, now: Fitted, products: gram_matrices.Products, prior: tuple[Sequence[int], Array]
+) -> Array:
+    """(k,) What values change by where the force is that of the command, and not that of the measured current.
+
+    Where the drive gives another current than its model, or reports another than it gives, one of the two is wrong.
+    `prior` has the places of the columns and their precision.
+    """
+    places, precision = prior
+    if not baseline_fit.is_measured(e.runs):
+        return np.zeros(len(places))
+    commanded = [run._replace(mean=run.mean._replace(rows=run.mean.rows * [1.0, 1.0, np.nan])) for run in e.runs]
+    measured = sensitivities.mean_residuals(now.equipped, e.runs, e.base.noise)
+    other = sensitivities.mean_residuals(now.equipped._replace(shift=0.0), commanded, e.base.noise)
+    a, right = np.diag(precision), np.zeros(len(places))
+    for part, with_one, with_other in zip(products.parts, measured, other, strict=True):
+        columns, repeats = part.mean[0][places].astype(np.float64), len(part.run.paths)
+        a = a + repeats * columns @ columns.T
+        right += repeats * columns @ part.weighted(with_other - with_one)[0]
+    changed: Array = least_squares.inverse(a) @ right
+    return changed
 
 
 def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float) -> Array:
