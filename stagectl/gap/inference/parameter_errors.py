@@ -146,10 +146,11 @@ def _unit(name: str, kind: str) -> str:
 def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
     """The shift of the first of `views`, as sure as the least sure of them."""
     p, sure = views[0], min(_probability(name, view) for view in views)
-    error = max(float(np.hypot(view.deviation, view.value - p.value)) for view in views)
-    change, spread, half = (p.value - p.nominal) / p.scale, error / p.scale, NORMAL * error
+    fitted = p.value - p.step
+    error = max(float(np.hypot(view.deviation, view.value - fitted)) for view in views)
+    change, spread, half = (fitted - p.nominal) / p.scale, error / p.scale, NORMAL * error
     lowest = 0.0 if name in POSITIVE else -np.inf
-    value = Value(p.value, max(p.value - half, lowest), p.value + half, _unit(name, kind))
+    value = Value(fitted, max(fitted - half, lowest), fitted + half, _unit(name, kind))
     return Shift(name, change, spread, share, value, sure, alike, p.nominal == 0.0)
 
 

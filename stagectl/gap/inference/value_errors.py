@@ -20,7 +20,7 @@ from stagectl.gap.inference.basis_functions import BasisColumns, RunMotion
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import data_parts, gram_matrices, least_squares, sensitivities
 from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
+from stagectl.gap.residuals.thresholds import COORDINATE_PARTS
 from stagectl.gap.selection import baseline_fit, constants, linearised
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.evidence import temper
@@ -44,12 +44,13 @@ class Errors(NamedTuple):
 
     grams: Grams  # of all columns and the residual
     names: tuple[str, ...]
-    matrix: Array  # (k, k) mean square error
+    step: Array  # (k,) from the values of the model to the most probable ones, beside the friction's form
+    matrix: Array  # (k, k) mean square error of these
     between: Array  # (k, k) what of it parts of the data contradict each other by
 
     def deviations(self) -> dict[str, float]:
         """Standard error of each parameter's value in the model."""
-        error = np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
+        error = np.sqrt(np.maximum(np.diag(self.matrix), 0.0) + self.step**2)
         return dict(zip(self.names, error.tolist(), strict=True))
 
 
@@ -72,7 +73,8 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
     found = {}
     for way, parts in ways(g, products, now, smooth).items():
         error = gram_matrices.mean_square_error(np.tensordot(parts, powers, (1, 0)), places, mean, precision)
-        found[way] = Errors(g, names, error.whole + np.outer(apart, apart) + np.diag(diluted**2), error.between)
+        whole = error.whole + np.outer(apart, apart) + np.diag(diluted**2)
+        found[way] = Errors(g, names, error.step, whole, error.between)
     return found
 
 
@@ -117,7 +119,7 @@ def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float) -> Array
 def ways(g: Grams, products: gram_matrices.Products, now: Fitted, smooth: BasisColumns) -> dict[str, Array]:
     """Every way to divide the data: the matrices (b, 2, p + 1, p + 1) of its parts, by its name."""
     divided = {EXPERIMENT: gram_matrices.by_experiment(g)}
-    if sum(len(run.paths) for run in smooth.runs) >= 2 * LEAST_BLOCKS:
+    if sum(len(run.paths) for run in smooth.runs) >= 2 * COORDINATE_PARTS:
         divided[CLOCK] = data_parts.by_clock(products, now.residuals)
     for name, place in COORDINATES.items():
         along = data_parts.quantiles([place(motion, smooth.size.pitch) for motion in smooth.motions])
@@ -126,15 +128,16 @@ def ways(g: Grams, products: gram_matrices.Products, now: Fitted, smooth: BasisC
 
 
 def log_odds(moved: Array, error: Array, prior: Array) -> float:
-    """Log of the Bayes factor of a change of values (k,) against none.
+    """Log of the odds of a change of values (k,) against none: the prior density at no change over the posterior one.
 
     `error` (k, k) is their mean square error, `prior` (k,) the standard deviations of a change before the data.  A
-    value of which the data say nothing is no finding, however wide its interval.
+    direction whose error is as wide as its prior says nothing.  Source: J. M. Dickey, Annals of Mathematical
+    Statistics 42(1), 1971.
     """
     size, axes = np.linalg.eigh(error / np.outer(prior, prior))
     size = np.maximum(size, constants.LEAST_ERROR**2)
     away = axes.T @ (moved / prior)
-    return float(0.5 * np.sum(np.log(size / (1.0 + size)) + away**2 / (size * (1.0 + size))))
+    return float(0.5 * np.sum((np.log(size) + away**2 / size)[size < 1.0]))
 
 
 def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisColumns, say: Say) -> Selection:

@@ -1,4 +1,4 @@
-"""The data of all runs divided into parts: by a coordinate of the motion, by octaves of frequency, by the clock.
+"""The data of all runs divided into parts: by a coordinate of the motion, by half octaves of frequency, by the clock.
 
 Each way gives the Gram matrices (b, 2, p + 1, p + 1) of its parts, of effort and current.  What repeats differ by is no
 part of them, but for the columns that run on the clock.
@@ -15,7 +15,7 @@ from scipy import fft
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.gram_matrices import Products
 from stagectl.gap.residuals.run_products import RunProducts
-from stagectl.gap.residuals.thresholds import KEPT, LEAST_BLOCKS, LOWEST_OCTAVE
+from stagectl.gap.residuals.thresholds import COORDINATE_PARTS, KEPT, LOWEST_OCTAVE
 from stagectl.parallel import in_parallel
 
 Numbers = NDArray[np.int64]  # of the part that each sample belongs to, or each line of a spectrum
@@ -24,7 +24,7 @@ Residuals = Sequence[Sequence[Array]]  # (m, 2) of each run and repeat
 
 def quantiles(coordinate: Sequence[Array]) -> list[Numbers]:
     """Parts of as many samples each, in the order of a coordinate (m,) of each run."""
-    edges = np.quantile(np.concatenate(coordinate), np.linspace(0.0, 1.0, LEAST_BLOCKS + 1)[1:-1])
+    edges = np.quantile(np.concatenate(coordinate), np.linspace(0.0, 1.0, COORDINATE_PARTS + 1)[1:-1])
     return [np.searchsorted(edges, values, side="right") for values in coordinate]
 
 
@@ -34,13 +34,13 @@ def by_sample(p: Products, residuals: Residuals, numbers: Sequence[Numbers]) -> 
 
 
 def by_octave(p: Products, residuals: Residuals) -> Array:
-    """Parts by octaves of frequency: of the cosine transform, which keeps sums of products."""
+    """Parts by half octaves of frequency: of the cosine transform, which keeps sums of products."""
 
     def transformed(k: int, _: int, rows: Array) -> tuple[Array, Numbers]:
         count = rows.shape[-1]
         line = np.arange(count) / (2.0 * count * KEPT * p.parts[k].run.mean.dt)
-        octave = np.floor(np.log2(np.maximum(line / LOWEST_OCTAVE, 0.5))) + 1.0
-        return fft.dct(rows, norm="ortho"), octave.astype(np.int64)
+        half = np.floor(2.0 * np.log2(np.maximum(line / LOWEST_OCTAVE, 0.5))) + 2.0
+        return fft.dct(rows, norm="ortho"), half.astype(np.int64)
 
     return _summed(p, residuals, transformed)
 
