@@ -155,13 +155,13 @@ def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike:
 
 
 def _probability(name: str, p: Estimate) -> float:
-    """Probability that a parameter has changed, and by more than what matters for a model."""
+    """Probability that a parameter has changed, and by more than what matters: as fitted, and as is most probable."""
     spread, moved = max(p.deviation, 1e-9 * p.scale), p.value - p.nominal
     factor = log_odds(np.array([moved]), np.array([[spread**2]]), np.array([max(p.prior, 1e-300)]))
     odds = np.log(thresholds.SHIFT_ODDS[name]) + factor
     least = thresholds.SHIFT_LEAST[name] * p.scale
-    beyond = ndtr((moved - least) / spread) + ndtr((-moved - least) / spread)
-    return float(expit(odds) * beyond)
+    beyond = [ndtr((away - least) / spread) + ndtr((-away - least) / spread) for away in (moved, moved - p.step)]
+    return float(expit(odds) * min(beyond))
 
 
 def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:

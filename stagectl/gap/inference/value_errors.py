@@ -20,7 +20,7 @@ from stagectl.gap.inference.basis_functions import BasisColumns, RunMotion
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import data_parts, gram_matrices, least_squares, sensitivities
 from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.residuals.thresholds import COORDINATE_PARTS
+from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
 from stagectl.gap.selection import baseline_fit, constants, linearised
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.evidence import temper
@@ -119,7 +119,7 @@ def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float) -> Array
 def ways(g: Grams, products: gram_matrices.Products, now: Fitted, smooth: BasisColumns) -> dict[str, Array]:
     """Every way to divide the data: the matrices (b, 2, p + 1, p + 1) of its parts, by its name."""
     divided = {EXPERIMENT: gram_matrices.by_experiment(g)}
-    if sum(len(run.paths) for run in smooth.runs) >= 2 * COORDINATE_PARTS:
+    if sum(len(run.paths) for run in smooth.runs) >= 2 * LEAST_BLOCKS:
         divided[CLOCK] = data_parts.by_clock(products, now.residuals)
     for name, place in COORDINATES.items():
         along = data_parts.quantiles([place(motion, smooth.size.pitch) for motion in smooth.motions])

@@ -15,16 +15,16 @@ from scipy import fft
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.gram_matrices import Products
 from stagectl.gap.residuals.run_products import RunProducts
-from stagectl.gap.residuals.thresholds import COORDINATE_PARTS, KEPT, LOWEST_OCTAVE
+from stagectl.gap.residuals.thresholds import COORDINATE_PARTS, KEPT, LEAST_BLOCKS, LOWEST_OCTAVE
 from stagectl.parallel import in_parallel
 
 Numbers = NDArray[np.int64]  # of the part that each sample belongs to, or each line of a spectrum
 Residuals = Sequence[Sequence[Array]]  # (m, 2) of each run and repeat
 
 
-def quantiles(coordinate: Sequence[Array]) -> list[Numbers]:
-    """Parts of as many samples each, in the order of a coordinate (m,) of each run."""
-    edges = np.quantile(np.concatenate(coordinate), np.linspace(0.0, 1.0, COORDINATE_PARTS + 1)[1:-1])
+def quantiles(coordinate: Sequence[Array], count: int = COORDINATE_PARTS) -> list[Numbers]:
+    """`count` parts of as many samples each, in the order of a coordinate (m,) of each run."""
+    edges = np.quantile(np.concatenate(coordinate), np.linspace(0.0, 1.0, count + 1)[1:-1])
     return [np.searchsorted(edges, values, side="right") for values in coordinate]
 
 
@@ -47,7 +47,8 @@ def by_octave(p: Products, residuals: Residuals) -> Array:
 
 def by_clock(p: Products, residuals: Residuals) -> Array:
     """Parts by the instants at which the repeats began."""
-    begun = quantiles([np.array([path.start for path in part.run.paths], dtype=np.float64) for part in p.parts])
+    starts = [np.array([path.start for path in part.run.paths], dtype=np.float64) for part in p.parts]
+    begun = quantiles(starts, LEAST_BLOCKS)
     return _summed(p, residuals, lambda k, repeat, rows: (rows, np.full(rows.shape[-1], begun[k][repeat])))
 
 
