@@ -86,6 +86,8 @@ def test_a_bare_motor_cogs_seven_times_a_turn(tmp_path: Path) -> None:
     values = {name: value.value for name, value in named(result, "cogging_map").parameters.items()}
     assert values["order"] == 7.0
     assert math.hypot(values["sine_1"], values["cosine_1"]) == pytest.approx(0.042, abs=0.01)
+    # The current is reported through a slow filter: no inertia follows, least of all a quarter of the published.
+    assert "inertia" not in {effect.name for effect in result.named}
 
 
 def test_steps_of_torque_give_the_mechanics_of_the_catalogue(tmp_path: Path) -> None:
@@ -93,6 +95,7 @@ def test_steps_of_torque_give_the_mechanics_of_the_catalogue(tmp_path: Path) -> 
     session = measured.hsm150(tmp_path, "idf_neg_0.04_1", "idf_pos_0.06_1")
     result = answer(session)
     assert "compliance" not in {effect.name for effect in result.named}
+    assert "No effect is missing" not in result.sentence
     base = diagnose.baseline(session, ()).base.model.stage.mechanics
     assert base.inertia == pytest.approx(1.2e-4, rel=0.15) and base.viscous == pytest.approx(7.03e-5, rel=0.2)
 

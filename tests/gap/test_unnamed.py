@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import stagectl as sc
-from stagectl.gap.selection.linearised import Errors
 from tests.gap.captured import CONFIG
 
-NOTHING: Any = None
 KEPT = {"time": "s", "reference": "rad", "command": "A", "measured": "rad", "measured_current": "A"}
-
-
-def test_a_value_that_is_left_where_it_was_has_the_error_of_not_moving() -> None:
-    errors = Errors(NOTHING, ("bias", "viscous"), np.array([3.0, 0.0]), np.diag([16.0, 4.0]))
-    assert errors.deviations() == {"bias": 5.0, "viscous": 2.0}
 
 
 def test_one_log_at_one_speed_makes_no_constant_force_of_an_asymmetry(tmp_path: Path) -> None:

@@ -80,6 +80,15 @@ def test_what_may_be_missing_is_said_where_nothing_is_sure() -> None:
     assert open_gap.startswith("No effect of the library and no parameter explains the gap")
 
 
+def test_without_a_floor_nothing_is_said_to_be_complete() -> None:
+    """What was not repeated may hide anything: neither is an effect denied nor the model confirmed."""
+    effects = (ASYMMETRY._replace(name="viscous", parameter=True),)
+    off = found("parameters", effects=effects, gap=gap(2.9, 0.34, 0.0), gaps={}).sentence
+    assert off.startswith("Parameters of the model are off: ") and "Without a repeat these logs do not show" in off
+    none = found("none", effects=(), gap=gap(2.9, 2.8, 0.0), gaps={}).sentence
+    assert "agrees" not in none and "do not show whether more is missing" in none
+
+
 def test_effects_without_a_name_are_not_in_the_sentence() -> None:
     assert "Stribeck" not in FOUND["effects"].sentence and len(FOUND["effects"].effects) == 3
     many = tuple(ASYMMETRY._replace(name=f"effect_{n}") for n in range(5))

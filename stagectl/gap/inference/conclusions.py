@@ -16,9 +16,10 @@ from stagectl.gap.inference.coordinates import coordinates
 from stagectl.gap.inference.shape_fits import with_shape
 from stagectl.gap.inference.signatures import DriveSignature, signatures
 from stagectl.gap.inference.unknown import unknown
+from stagectl.gap.inference.value_errors import errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import NAMED, Coordinate, FoundEffect, Part, Spans, UnknownTerm
-from stagectl.gap.selection import linearised, refine
+from stagectl.gap.selection import refine
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
@@ -52,9 +53,8 @@ def conclude(
     now, sure = selected.fitted, verdict.only_named(e, selected)
     left = unknown(e, sure, functions)
     shape = left.term if left else None
-    beside = (None, left.columns) if left and left.columns else (None,)
-    known = [linearised.errors(e, library, now, unnamed) for unnamed in beside]
-    largest = {name: max(errors.deviations()[name] for errors in known) for name in known[0].names}
+    known = list(errors(e, library, now, functions).values())
+    largest = {name: max(each.deviations()[name] for each in known) for name in known[0].names}
     effects = verdict.named_effects(session, e, selected, largest)
     before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
     shifts = shifted_parameters.shifted(session, parameter_errors.shifts(session, e, now, known, before), now)

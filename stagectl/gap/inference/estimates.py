@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, least_squares
 from stagectl.gap.selection import baseline_fit
-from stagectl.gap.selection.linearised import Errors
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -18,11 +18,12 @@ from stagectl.kernels import stage
 class Estimate(NamedTuple):
     """A parameter as fitted, SI."""
 
-    value: float
+    value: float  # the most probable one
     nominal: float
     deviation: float  # standard
     scale: float  # to which its change is relative
     prior: float  # standard deviation around the nominal value before the data
+    step: float = 0.0  # from the fit to the most probable value
 
 
 class Joint(NamedTuple):
@@ -58,12 +59,12 @@ def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Join
     rows = {name: _functional(name, known.names) for name in values}
     names = [name for name, row in rows.items() if name == "coulomb" or row.any()]
     of_columns = np.array([rows[name] for name in names])
-    matrix, moved = of_columns @ known.matrix @ of_columns.T, of_columns @ known.moved
+    matrix, moved = of_columns @ known.matrix @ of_columns.T, of_columns @ known.step
     deviation = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     estimate = {}
     for name, step, spread in zip(names, moved.tolist(), deviation.tolist(), strict=True):
         value, nominal, scale = values[name]
-        estimate[name] = Estimate(value + step, nominal, spread, scale, e.base.prior.width(name))
+        estimate[name] = Estimate(value + step, nominal, spread, scale, e.base.prior.width(name), step)
     return Joint(estimate, matrix)
 
 

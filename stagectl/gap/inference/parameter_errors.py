@@ -17,13 +17,13 @@ from scipy.special import expit, ndtr
 from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.estimates import Estimate, estimates, whole_delay
+from stagectl.gap.inference.value_errors import Errors, log_odds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
 from stagectl.gap.selection import baseline_fit, constants, refine
-from stagectl.gap.selection.linearised import Errors
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -146,27 +146,22 @@ def _unit(name: str, kind: str) -> str:
 def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
     """The shift of the first of `views`, as sure as the least sure of them."""
     p, sure = views[0], min(_probability(name, view) for view in views)
-    error = max(float(np.hypot(view.deviation, view.value - p.value)) for view in views)
-    change, spread, half = (p.value - p.nominal) / p.scale, error / p.scale, NORMAL * error
+    fitted = p.value - p.step
+    error = max(float(np.hypot(view.deviation, view.value - fitted)) for view in views)
+    change, spread, half = (fitted - p.nominal) / p.scale, error / p.scale, NORMAL * error
     lowest = 0.0 if name in POSITIVE else -np.inf
-    value = Value(p.value, max(p.value - half, lowest), p.value + half, _unit(name, kind))
+    value = Value(fitted, max(fitted - half, lowest), fitted + half, _unit(name, kind))
     return Shift(name, change, spread, share, value, sure, alike, p.nominal == 0.0)
 
 
 def _probability(name: str, p: Estimate) -> float:
-    """Probability that a parameter has changed, and by more than what matters for a model.
-
-    The odds of a change are those of its prior to its posterior density at the nominal value: a parameter of which
-    the data say nothing is no finding, however wide its interval (J. M. Dickey, Annals of Mathematical Statistics
-    42(1), 1971).
-    """
-    prior = max(p.prior, 1e-300)
-    spread = min(max(p.deviation, 1e-9 * p.scale), prior)
-    moved = p.value - p.nominal
-    log_odds = np.log(thresholds.SHIFT_ODDS[name] * spread / prior) + 0.5 * (moved / spread) ** 2
+    """Probability that a parameter has changed, and by more than what matters: as fitted, and as is most probable."""
+    spread, moved = max(p.deviation, 1e-9 * p.scale), p.value - p.nominal
+    factor = log_odds(np.array([moved]), np.array([[spread**2]]), np.array([max(p.prior, 1e-300)]))
+    odds = np.log(thresholds.SHIFT_ODDS[name]) + factor
     least = thresholds.SHIFT_LEAST[name] * p.scale
-    beyond = ndtr((moved - least) / spread) + ndtr((-moved - least) / spread)
-    return float(expit(log_odds) * beyond)
+    beyond = [ndtr((away - least) / spread) + ndtr((-away - least) / spread) for away in (moved, moved - p.step)]
+    return float(expit(odds) * min(beyond))
 
 
 def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:

@@ -27,7 +27,6 @@ from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Columns, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import baseline_fit, null_ensemble, refine
-from stagectl.gap.selection.linearised import Unnamed
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
 
@@ -55,7 +54,6 @@ class Unexplained(NamedTuple):
     """What no effect explains."""
 
     term: UnknownTerm
-    columns: Unnamed | None = None  # of the functions that do; None where no coordinate orders it
 
 
 def own_columns(e: Evidence, now: Fitted) -> Columns:
@@ -180,11 +178,7 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Une
     grid, force = _force(fit.basis, by_part)
     shape = UnknownTerm(fit.basis.coordinate, grid, force, min(fit.share, 1.0))
     shape = shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
-    most = {part: size(values) for part, values in by_part.items()}
-    sizes = {name: most[part] for part in fit.parts for name in basis_functions.names(fit.basis, part)}
-    constant = LEVELS if fit.basis.coordinate != "position_mod_pitch" else {}  # waves have no level
-    levels = {constant[part]: most[part] for part in fit.parts if part in constant}
-    return Unexplained(shape, Unnamed(products, sizes, levels))
+    return Unexplained(shape)
 
 
 def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array, Array]:

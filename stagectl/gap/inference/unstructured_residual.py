@@ -12,16 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.inference import basis_functions, thresholds
-from stagectl.gap.inference.basis_functions import SIDE, TIME, VELOCITY, BasisColumns
+from stagectl.gap.inference.basis_functions import TIME, BasisColumns
 from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_squares, ridge_fit, scatter
-from stagectl.gap.inference.shape_fits import Unexplained, own_columns, size
+from stagectl.gap.inference.shape_fits import Unexplained
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products, folds, partialled_out
 from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import baseline_fit, null_ensemble, refine
-from stagectl.gap.selection.linearised import Unnamed
+from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 BANDS = "frequency"
@@ -100,11 +99,7 @@ def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: flo
     (side, damping), half = np.split(amplitudes, 2), 0.5 * functions.size.speed
     course = side + half * damping
     force, share = course - course.mean(), min(gain / max(first, gain), 1.0)
-    most = size(force)  # that of the friction, or of the damping: each may be all of it
-    sizes = {**dict.fromkeys(SIDE, most), **dict.fromkeys(VELOCITY, most / half)}
-    levels = {baseline_fit.weight_name(0): most, "viscous": most / half}
-    columns = gram_matrices.with_columns(functions.clock, own_columns(e, now))
-    return Unexplained(UnknownTerm(TIME, basis_functions.knots(e.runs), force, share), Unnamed(columns, sizes, levels))
+    return Unexplained(UnknownTerm(TIME, basis_functions.knots(e.runs), force, share))
 
 
 def _clock_gain(e: Evidence, g: Grams) -> tuple[float, float]:

@@ -133,16 +133,27 @@ def noise(p: Products, residuals: Sequence[Sequence[Array]]) -> Array:
     return np.array([least_squares.fit(cut, range(widest - 1)).residual_sum_of_squares for cut in summed])
 
 
-def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Array) -> tuple[Array, Array]:
-    """Amplitudes (k,) of `names` that lead from a fit to what the data and a prior say, and their square error (k, k).
+class MeanSquareError(NamedTuple):
+    """Of amplitudes that data and a prior say."""
+
+    step: Array  # (k,) from the fit to them
+    between: Array  # (k, k) square error by which parts of the data contradict each other
+    prior: Array  # (k, k) what the prior's width adds where the data say little
+
+    @property
+    def whole(self) -> Array:
+        """(k, k) of the most probable values."""
+        return self.between + self.prior
+
+
+def mean_square_error(parts: Array, places: Sequence[int], mean: Array, precision: Array) -> MeanSquareError:
+    """Of the columns at `places`.
 
     The prior lies at `mean` (k,) with the `precision` (k,): a direction that the data do not excite keeps its width.
-    What a model leaves is wrong alike in all half strokes of an experiment, so whole experiments are left out in turn
-    (the jackknife, with Student's factor of 95 % for their number).  Source: B. Efron, The Jackknife, the Bootstrap and
-    Other Resampling Plans, 1982.
+    The `parts` (b, p + 1, p + 1) of the data are left out in turn (the jackknife, with Student's factor of 95 % for
+    their number).  Source: B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982.
     """
-    places, prior, parts = g.places(names), np.diag(precision), _blocks(g)
-    whole = parts.sum(axis=0)
+    prior, whole, count = np.diag(precision), parts.sum(axis=0), len(parts)
 
     def amplitudes(summed: Array) -> Array:
         best: Array = least_squares.inverse(summed[np.ix_(places, places)] + prior) @ (
@@ -150,22 +161,20 @@ def mean_square_error(g: Grams, names: Sequence[str], mean: Array, precision: Ar
         )
         return best
 
-    step, count = amplitudes(whole), len(parts)
-    inverse = least_squares.inverse(whole[np.ix_(places, places)] + prior)
-    if count < 2:  # one half stroke: nothing can be left out
-        return step, inverse
+    step, inverse = amplitudes(whole), least_squares.inverse(whole[np.ix_(places, places)] + prior)
+    if count < 2:  # nothing can be left out
+        return MeanSquareError(step, 0.0 * inverse, inverse)
     apart = np.array([amplitudes(whole - part) for part in parts]) - step
     factor = (student_t.ppf(0.975, count - 1) / NORMAL) ** 2 * (count - 1) / count
-    error: Array = factor * apart.T @ apart + inverse @ prior @ inverse
-    return step, error
+    return MeanSquareError(step, factor * apart.T @ apart, inverse @ prior @ inverse)
 
 
-def _blocks(g: Grams) -> Array:
-    """Sums (b, p + 1, p + 1) over experiments, or parts of them in the order of time where there are few."""
+def by_experiment(g: Grams) -> Array:
+    """Sums (b, 2, p + 1, p + 1) over experiments, or parts of them in the order of time where there are few."""
     experiments = [np.flatnonzero(g.experiment == number) for number in np.unique(g.experiment)]
     pieces = -(-LEAST_BLOCKS // len(experiments))
     blocks = [block for strokes in experiments for block in np.array_split(strokes, pieces) if len(block)]
-    return np.array([g.both[block].sum(axis=0) for block in blocks])
+    return np.array([[cut[block].sum(axis=0) for cut in (g.effort, g.current)] for block in blocks])
 
 
 def folds(g: Grams, channel: Array) -> Array:

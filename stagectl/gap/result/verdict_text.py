@@ -32,6 +32,8 @@ def _none(result: DiagnosisResult) -> str:
     gap = headline(result)[1]
     if not gap.floor > 0.0 and gap.before > FLOORS * gap.after:
         return "The model is off, but these logs do not show which of its parameters is."
+    if not gap.floor > 0.0:
+        return f"These logs show no missing effect and no parameter error. {_NO_REPEAT}"
     if _at_floor(result, gap.before):
         return "The model agrees with the machine: these logs show no missing effect and no parameter error."
     return "No effect of the library and no parameter explains the gap of these logs."
@@ -52,20 +54,26 @@ def _unidentifiable(result: DiagnosisResult) -> str:
     return " ".join(filter(None, [verdict, result.reason, advised]))
 
 
-_NO_EFFECT = {True: "No effect is missing, but", False: "No effect explains what is left, and"}
+_NO_REPEAT = "Without a repeat they do not show whether more is missing."
+
+
+def _parameters(result: DiagnosisResult) -> str:
+    """The parameters that are off; that nothing else is missing only where the gap lies at a floor that is known."""
+    gap, causes = headline(result)[1], _causes(result, result.named)
+    if not gap.floor > 0.0:
+        return f"Parameters of the model are off: {causes}. {_NO_REPEAT.replace('they', 'these logs')}"
+    rest = "No effect is missing, but" if _at_floor(result, gap.after) else "No effect explains what is left, and"
+    return f"{rest} parameters of the model are off: {causes}."
 
 
 def _at_floor(result: DiagnosisResult, size: float) -> bool:
-    """Whether a gap of `size` lies at what repeats differ by; a gap or a floor that is not known says nothing."""
-    floor = headline(result)[1].floor
-    return not (floor > 0.0 and size > FLOORS * floor)
+    """Whether a gap of `size` lies at what repeats differ by; a gap that is not known says nothing."""
+    return not size > FLOORS * headline(result)[1].floor
 
 
 _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
     "none": _none,
-    "parameters": lambda r: (
-        f"{_NO_EFFECT[_at_floor(r, headline(r)[1].after)]} parameters of the model are off: {_causes(r, r.named)}."
-    ),
+    "parameters": _parameters,
     "effects": lambda r: f"{_capital(_missing(r))}.",
     "effects+unknown": lambda r: f"{_capital(_missing(r))}. {_capital(_unknown(r))}.",
     "unknown": lambda r: f"{_known_part(r)}. {_capital(_unknown(r))}.",

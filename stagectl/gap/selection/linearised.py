@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +60,7 @@ def library_of(e: Evidence, forms: Sequence[Form], products: gram_matrices.Produ
     """The candidates `forms`, whose columns `products` hold, next to the baseline fit."""
     now = refine.start(e)
     g = gram_matrices.fold_sums(products, now.residuals)
-    return Library(tuple(forms), products, _excess(g, _parameters(e, now, g), products, now))
+    return Library(tuple(forms), products, left_of(g, parameters(e, now, g), products, now))
 
 
 def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | None = None) -> Linearised:
@@ -72,68 +72,23 @@ def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | N
     present = {valued.effect.name for valued in now.effects}
     forms = tuple(form for form in (*library.forms, *refined) if form.effect.name not in present)
     tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
-    nuisances = _parameters(e, now, g)
-    start = _start(g, [*nuisances, usual_sizes.immaterial(library.forms, g.places)], library.excess, _strokes(e))
-    left = _excess(g, nuisances, library.products, now)
+    nuisances = parameters(e, now, g)
+    start = _start(g, [*nuisances, usual_sizes.immaterial(library.forms, g.places)], library.excess, strokes(e))
+    left = left_of(g, nuisances, library.products, now)
     return Linearised(start, tried, forms, left, compare(start, tried, WIDER))
 
 
 def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
     """Sum of squares above the floor that base, friction and the effects' own parameters leave."""
-    g = gram_matrices.fold_sums(_known(e, library, now), now.residuals)
-    return _excess(g, _parameters(e, now, g), library.products, now)
+    g = gram_matrices.fold_sums(known(e, library, now), now.residuals)
+    return left_of(g, parameters(e, now, g), library.products, now)
 
 
-def _known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products:
+def known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products:
     """The columns of base, friction's form, and the effects' own parameters."""
     own = sensitivities.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
     names = [*refine.moving(e), *null_ensemble.member_names(library.products.names)]
     return gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
-
-
-class Unnamed(NamedTuple):
-    """Columns of the effort that explain what no effect does."""
-
-    products: gram_matrices.Products  # of these, and of base, friction's form and the effects' own parameters
-    sizes: Mapping[str, float]  # of each: standard deviation of its amplitude
-    levels: Mapping[str, float]  # of columns of the base: what of their amplitudes may be the level of the unnamed
-
-
-class Errors(NamedTuple):
-    """What is known of base, friction and effects next to the model that was selected."""
-
-    grams: Grams  # of all columns and the residual
-    names: tuple[str, ...]
-    moved: Array  # (k,) from their values in the model to those beside the unnamed; 0 without it
-    matrix: Array  # (k, k) mean square error there
-
-    def deviations(self) -> dict[str, float]:
-        """Standard error of each parameter's value in the model."""
-        error = np.sqrt(np.maximum(np.diag(self.matrix), 0.0) + self.moved**2)
-        return dict(zip(self.names, error.tolist(), strict=True))
-
-
-def errors(e: Evidence, library: Library, now: Fitted, unnamed: Unnamed | None) -> Errors:
-    """Of all parameters of `now`, with their priors and the friction's form.
-
-    The fit does not know the columns of the friction's form, so that how far it is from the most probable values
-    belongs to its error.  Beside what is `unnamed`, a parameter that acts as this does is known no better than this.
-    """
-    products = unnamed.products if unnamed else _known(e, library, now)
-    g, count = gram_matrices.grams(products, now.residuals), _strokes(e)
-    nuisances, levels = _parameters(e, now, g), unnamed.levels if unnamed else {}
-    if unnamed:
-        places, size = tuple(g.places(list(unnamed.sizes))), np.array(list(unnamed.sizes.values()))
-        nuisances.append(Prior(places, np.zeros(len(places)), size))
-        g.current[:, places] = g.current[:, :, places] = 0.0
-    left = _excess(g, nuisances, products if unnamed else library.products, now)
-    counted = g._replace(effort=temper(left[0], count) * g.effort, current=temper(left[1], count) * g.current)
-    order = [g.names[place] for prior in nuisances for place in prior.places]
-    mean = np.concatenate([prior.mean for prior in nuisances])
-    precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
-    step, matrix = gram_matrices.mean_square_error(counted, order, mean, precision)
-    matrix += np.diag([levels.get(name, 0.0) ** 2 for name in order]) if unnamed else np.outer(step, step)
-    return Errors(g, tuple(order), step if unnamed else 0.0 * step, matrix)
 
 
 def as_form(valued: EffectValues) -> Form:
@@ -147,14 +102,14 @@ def as_form(valued: EffectValues) -> Form:
     return Form(effect, {shape.name: values[shape.name] for shape in effect.shapes}, typical, names)
 
 
-def _parameters(e: Evidence, now: Fitted, g: Grams) -> list[Prior]:
+def parameters(e: Evidence, now: Fitted, g: Grams) -> list[Prior]:
     """Priors of the base, of the friction's form, and of the parameters of the effects in the model."""
     base = usual_sizes.of_base(e.base.prior, now.model, refine.moving(e), g.places)
     form = usual_sizes.of_form_error(g.places(null_ensemble.member_names(g.names)))
     return [base, form, usual_sizes.of_own(now, g.places)]
 
 
-def _excess(g: Grams, nuisances: Sequence[Prior], products: gram_matrices.Products, now: Fitted) -> Cuts:
+def left_of(g: Grams, nuisances: Sequence[Prior], products: gram_matrices.Products, now: Fitted) -> Cuts:
     """Sum of squares that `nuisances` leave above the noise, which the `products` tell from a drift.
 
     Of the current the whole counts: the time shift belongs to the mechanics, and would hide a dead time.
@@ -183,7 +138,7 @@ def _start(g: Grams, nuisances: Sequence[Prior], left: Cuts, count: int) -> Cond
     return state
 
 
-def _strokes(e: Evidence) -> int:
+def strokes(e: Evidence) -> int:
     """Number of half strokes, repeats of one not counted."""
     return sum(len(spans(run.cluster)) for run in e.runs)
 

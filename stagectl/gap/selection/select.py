@@ -99,7 +99,7 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     What a simulation makes no larger than a trace is dropped first, whatever the evidence around the model says of it.
     """
     if trace := next((valued.effect.name for valued in now.effects if is_trace(valued)), ""):
-        return _dropped(e, library, now, trace, say)
+        return dropped(e, library, now, trace, say)
     left = linearised.excess(e, library, now)
     selection = Selection(now, left, {}, {}, {}, {})
     empty: dict[str, float] = {}
@@ -111,10 +111,11 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     weak = max(empty, key=empty.__getitem__, default="")
     if not weak or empty[weak] <= 1.0 - constants.KEPT:
         return selection
-    return _dropped(e, library, now, weak, say)
+    return dropped(e, library, now, weak, say)
 
 
-def _dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
+def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
+    """What is established of the other effects, without the effect `name`."""
     say(f"dropped {name}")
     kept = [valued for valued in now.effects if valued.effect.name != name]
     return established(e, library, refine.refine(e, now.model, kept), say)

@@ -10,10 +10,10 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap.inference import parameter_errors
 from stagectl.gap.inference.estimates import Estimate, Joint
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
+from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
-from stagectl.gap.selection.linearised import Errors
 from stagectl.gap.selection.refine import Fitted
 from stagectl.kernels import friction, stage
 from tests.gap.captured import CONFIG
@@ -76,8 +76,7 @@ def test_a_shift_is_sure_large_and_material(value: float, deviation: float, shar
     )
 
 
-def test_a_shift_is_no_surer_than_beside_what_is_unnamed() -> None:
-    """There a tenth of the inertia may belong to it; and where that makes it surer, it is no surer."""
+def test_a_shift_is_no_surer_than_by_the_least_sure_division_of_the_data() -> None:
     alone, beside = Estimate(1.1, 1.0, 0.01, 1.0, 0.3), Estimate(1.02, 1.0, 0.1, 1.0, 0.3)
     found, turned = (parameter_errors._shift("inertia", views, 0.3, "rotary") for views in ([alone, beside], [beside]))
     assert found.probability == turned.probability < 0.5
@@ -151,7 +150,7 @@ def test_the_rolling_zone_is_as_uncertain_as_its_elements() -> None:
     error = {}
     for size in (0.0, 0.05, 0.1):
         of_last = np.diag([0.0, 0.0, size**2])
-        error[size] = parameter_errors._half_way_error(now, Errors(NOTHING, names, np.zeros(3), of_last))
+        error[size] = parameter_errors._half_way_error(now, Errors(NOTHING, names, NOTHING, of_last, NOTHING))
     assert error[0.0] == 0.0 < error[0.05] and error[0.1] == pytest.approx(2.0 * error[0.05], rel=0.2)
-    common = Errors(NOTHING, names, np.zeros(3), np.full((3, 3), 0.1**2))
+    common = Errors(NOTHING, names, NOTHING, np.full((3, 3), 0.1**2), NOTHING)
     assert parameter_errors._half_way_error(now, common) < 0.1 * error[0.1]

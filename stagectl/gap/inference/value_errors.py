@@ -1,0 +1,165 @@
+"""How far the values of the model may be off: each is estimated again with a part of the data left out, in turn.
+
+What a model leaves is no noise: it is wrong alike over one experiment, at one speed or place, or in one octave of
+frequency.  A value that is right is the same from all parts of the data, however these are divided.  The data are
+therefore divided in every way: by experiment, by each coordinate of the motion, by the clock, by octaves.  What a value
+changes by when a part is left out is its error (`gram_matrices.mean_square_error`), and the largest of these counts.
+Source of errors by several divisions: A. C. Cameron, J. B. Gelbach, D. L. Miller, Journal of Business & Economic
+Statistics 29(2), 2011.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import expit
+
+from stagectl.gap.inference.basis_functions import BasisColumns, RunMotion
+from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import data_parts, gram_matrices, least_squares, sensitivities
+from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
+from stagectl.gap.selection import baseline_fit, constants, linearised
+from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.evidence import temper
+from stagectl.gap.selection.linearised import Library
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.select import Say, Selection, dropped
+
+EXPERIMENT, CLOCK = "experiment", "clock"
+COORDINATES: Mapping[str, Callable[[RunMotion, float], Array]] = {
+    "velocity": lambda motion, _: motion.velocity,
+    "acceleration": lambda motion, _: motion.acceleration,
+    "since_reversal": lambda motion, _: motion.since,
+    "position": lambda motion, _: motion.position,
+    "position_mod_pitch": lambda motion, pitch: np.mod(motion.position, pitch),
+    "current": lambda motion, _: motion.current,
+}
+
+
+class Errors(NamedTuple):
+    """What is known of base, friction and effects next to the model that was selected."""
+
+    grams: Grams  # of all columns and the residual
+    names: tuple[str, ...]
+    step: Array  # (k,) from the values of the model to the most probable ones, beside the friction's form
+    matrix: Array  # (k, k) mean square error of these
+    between: Array  # (k, k) what of it parts of the data contradict each other by
+
+    def deviations(self) -> dict[str, float]:
+        """Standard error of each parameter's value in the model."""
+        error = np.sqrt(np.maximum(np.diag(self.matrix), 0.0) + self.step**2)
+        return dict(zip(self.names, error.tolist(), strict=True))
+
+
+def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> dict[str, Errors]:
+    """Of all parameters of `now`, with their priors and the friction's form: by the way to divide the data.
+
+    The fit does not know the columns of the friction's form, so that how far it is from the most probable values
+    belongs to its error.
+    """
+    products = linearised.known(e, library, now)
+    g = gram_matrices.grams(products, now.residuals)
+    nuisances, count = linearised.parameters(e, now, g), linearised.strokes(e)
+    left = linearised.left_of(g, nuisances, library.products, now)
+    places = [place for prior in nuisances for place in prior.places]
+    names, powers = tuple(g.names[place] for place in places), [temper(cut, count) for cut in left]
+    mean = np.concatenate([prior.mean for prior in nuisances])
+    precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
+    apart = _by_the_command(e, now, products, (places, precision / powers[0]))
+    diluted = _dilution(g.effort.sum(axis=0)[np.ix_(places, places)], names, now, left[0])
+    found = {}
+    for way, parts in ways(g, products, now, smooth).items():
+        error = gram_matrices.mean_square_error(np.tensordot(parts, powers, (1, 0)), places, mean, precision)
+        whole = error.whole + np.outer(apart, apart) + np.diag(diluted**2)
+        found[way] = Errors(g, names, error.step, whole, error.between)
+    return found
+
+
+def _by_the_command(
+    e: Evidence, now: Fitted, products: gram_matrices.Products, prior: tuple[Sequence[int], Array]
+) -> Array:
+    """(k,) What values change by where the force is that of the command, and not that of the measured current.
+
+    Where the drive gives another current than its model, or reports another than it gives, one of the two is wrong.
+    `prior` has the places of the columns and their precision.
+    """
+    places, precision = prior
+    if not baseline_fit.is_measured(e.runs):
+        return np.zeros(len(places))
+    commanded = [run._replace(mean=run.mean._replace(rows=run.mean.rows * [1.0, 1.0, np.nan])) for run in e.runs]
+    measured = sensitivities.mean_residuals(now.equipped, e.runs, e.base.noise)
+    other = sensitivities.mean_residuals(now.equipped._replace(shift=0.0), commanded, e.base.noise)
+    a, right = np.diag(precision), np.zeros(len(places))
+    for part, with_one, with_other in zip(products.parts, measured, other, strict=True):
+        columns, repeats = part.mean[0][places].astype(np.float64), len(part.run.paths)
+        a = a + repeats * columns @ columns.T
+        right += repeats * columns @ part.weighted(with_other - with_one)[0]
+    changed: Array = least_squares.inverse(a) @ right
+    return changed
+
+
+def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float) -> Array:
+    """(k,) How much larger each value may be, as what is `left` (sum of squares) may be motion and no force.
+
+    An acceleration is the log's motion twice differentiated: jitter of the time stamps, a filter or aliasing make more
+    of it than any other column.  Then the regression of the force on it gives too little inertia, and that of it on the
+    force too much; the true one lies between.  `a` (k, k) are the columns' products.  Source: R. Frisch, Statistical
+    Confluence Analysis by Means of Complete Regression Systems, 1934.
+    """
+    known = 1.0 / np.diag(least_squares.inverse(a))  # sum of squares of each column less what the others make of it
+    inertia = now.model.stage.mechanics.inertia
+    return np.array(
+        [max(left, 0.0) / (inertia * known[k]) if name == "inertia" else 0.0 for k, name in enumerate(names)]
+    )
+
+
+def ways(g: Grams, products: gram_matrices.Products, now: Fitted, smooth: BasisColumns) -> dict[str, Array]:
+    """Every way to divide the data: the matrices (b, 2, p + 1, p + 1) of its parts, by its name."""
+    divided = {EXPERIMENT: gram_matrices.by_experiment(g)}
+    if sum(len(run.paths) for run in smooth.runs) >= 2 * LEAST_BLOCKS:
+        divided[CLOCK] = data_parts.by_clock(products, now.residuals)
+    for name, place in COORDINATES.items():
+        along = data_parts.quantiles([place(motion, smooth.size.pitch) for motion in smooth.motions])
+        divided[name] = data_parts.by_sample(products, now.residuals, along)
+    return {**divided, "frequency": data_parts.by_octave(products, now.residuals)}
+
+
+def log_odds(moved: Array, error: Array, prior: Array) -> float:
+    """Log of the odds of a change of values (k,) against none: the prior density at no change over the posterior one.
+
+    `error` (k, k) is their mean square error, `prior` (k,) the standard deviations of a change before the data.  A
+    direction whose error is as wide as its prior says nothing.  Source: J. M. Dickey, Annals of Mathematical
+    Statistics 42(1), 1971.
+    """
+    size, axes = np.linalg.eigh(error / np.outer(prior, prior))
+    size = np.maximum(size, constants.LEAST_ERROR**2)
+    away = axes.T @ (moved / prior)
+    return float(0.5 * np.sum((np.log(size) + away**2 / size)[size < 1.0]))
+
+
+def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisColumns, say: Say) -> Selection:
+    """`selected` with no effect more probable than that its size is not none, as far as parts of the data agree on it.
+
+    What is more probably of no size leaves the model.  An effect may act at one place or speed alone, but in all
+    experiments that come there, and at all times.
+    """
+    every = errors(e, library, selected.fitted, smooth)
+    known = [every[way] for way in (EXPERIMENT, CLOCK) if way in every]
+    of_size = {v.effect.name: min(_of_size(v, each) for each in known) for v in selected.fitted.effects}
+    weak = min(of_size, key=of_size.__getitem__, default="")
+    if weak and of_size[weak] < constants.KEPT:
+        return borne_out(e, library, dropped(e, library, selected.fitted, weak, say), smooth, say)
+    return selected._replace(probability={name: min(p, of_size[name]) for name, p in selected.probability.items()})
+
+
+def _of_size(valued: EffectValues, known: Errors) -> float:
+    amplitudes = valued.effect.amplitudes
+    places = [known.names.index(f"{valued.effect.name}.{each.name}") for each in amplitudes]
+    value = np.array([valued.values[each.name] for each in amplitudes])
+    usual = np.array([abs(each.typical[0]) for each in amplitudes])
+    prior = constants.SCALES[-1] * np.maximum(abs(value), usual)
+    odds = log_odds(value, known.between[np.ix_(places, places)], prior)
+    return float(expit(np.log(constants.INCLUSION) + odds))

@@ -1,0 +1,57 @@
+"""What is known of values: the odds of a change, the dilution of an inertia, and parts of the data in every order."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from stagectl.gap.inference.value_errors import _dilution, log_odds
+from stagectl.gap.residuals import data_parts
+from stagectl.gap.residuals.gram_matrices import Products
+from stagectl.gap.residuals.thresholds import COORDINATE_PARTS
+
+
+def odds(moved: float, error: float) -> float:
+    return log_odds(np.array([moved]), np.array([[error**2]]), np.array([1.0]))
+
+
+def test_a_value_that_the_data_do_not_tell_is_no_finding() -> None:
+    assert odds(3.0, 1.0) == odds(3.0, 5.0) == 0.0 and odds(0.0, 0.1) < 0.0
+
+
+def test_the_odds_are_those_of_two_densities() -> None:
+    """Three errors away, with a tenth of the prior's width: 0.1 e^4.5."""
+    assert odds(0.3, 0.1) == pytest.approx(np.log(0.1) + 4.5)
+
+
+def test_an_acceleration_that_is_half_jitter_halves_the_inertia() -> None:
+    """Force 2 x of a motion x + n: the regression gives 1, that of the motion on the force gives 2 more at most."""
+    source = np.random.default_rng(3)
+    x, jitter = source.standard_normal((2, 20000))
+    motion, force = x + jitter, 2.0 * x
+    fitted = float(motion @ force / (motion @ motion))
+    left = float(np.sum((force - fitted * motion) ** 2))
+    mechanics = SimpleNamespace(model=SimpleNamespace(stage=SimpleNamespace(mechanics=SimpleNamespace(inertia=fitted))))
+    diluted = _dilution(np.array([[motion @ motion]]), ("inertia",), cast("Any", mechanics), left)
+    assert fitted == pytest.approx(1.0, rel=0.05) and fitted < 2.0 < fitted + diluted[0]
+
+
+def test_parts_sum_to_all_of_the_data() -> None:
+    source = np.random.default_rng(5)
+    rows, residual = source.standard_normal((2, 3, 500)).astype(np.float32), source.standard_normal((500, 2))
+    run = SimpleNamespace(mean=SimpleNamespace(dt=1e-3), paths=[SimpleNamespace(start=0.0)])
+    part = SimpleNamespace(mean=rows, clocked=None, run=run, weighted=lambda signal: signal.T)
+    products = cast("Products", SimpleNamespace(names=("a", "b", "c"), parts=(part,)))
+    whole = np.concatenate([rows, residual.T[:, None]], axis=1).astype(float)
+    expected = whole @ np.swapaxes(whole, 1, 2)
+    numbers = data_parts.quantiles([source.standard_normal(500)])
+    for parts in (
+        data_parts.by_sample(products, [[residual]], numbers),
+        data_parts.by_octave(products, [[residual]]),
+        data_parts.by_clock(products, [[residual]]),
+    ):
+        np.testing.assert_allclose(parts.sum(axis=0), expected, rtol=1e-5, atol=1e-3)
+    assert len(np.unique(numbers[0])) == COORDINATE_PARTS
