@@ -10,7 +10,7 @@
               |                         |  trajectories/            position, velocity, acceleration
     [2] design/                         |                           gains, margins, refusal
               |                         |
-    [3] plan.py <-----------------------+                           limits checked, one row per period
+    [3] plan.py <-----------------------+                           motion_limits.py checked, one row per period
               |
     [4] api/motion.py                   `run` and `simulate`, as Python and the command line call them
         workflows/motion.py             from two YAML files to a result: what they share with `learn`

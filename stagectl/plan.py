@@ -10,7 +10,6 @@ The delay rule, with ``L = current lag + nd Ts + dead time`` and the measurement
 from __future__ import annotations
 
 import math
-import shlex
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,29 +19,18 @@ from stagectl.compensation import model_effects
 from stagectl.compensation.forms import Model
 from stagectl.compensation.legs import legs
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import friction_path, rollout, stage
+from stagectl.kernels import friction_path, rollout
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
 from stagectl.kernels.friction_bristle import Bristle
-from stagectl.kernels.jit import table
 from stagectl.kernels.law import SETPOINT_COLUMNS
-from stagectl.problem import Problem, ProblemKind
-from stagectl.trajectories import Experiment, Phases, Span, Trajectory, TrajectoryError, peaks, phases
+from stagectl.motion_limits import check_current, check_duration, check_jumps, check_limits, check_open
+from stagectl.trajectories import Experiment, Phases, Span, Trajectory, phases
 from stagectl.trajectories.motion import Array
 
 # Chosen, not derived:
 LONGEST = 10_000_000  # control periods of a trajectory, 83 minutes at 2 kHz: what a memory holds
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position
-LIMIT_SLACK = 1e-9  # of a limit by which a trajectory may exceed it: rounding of its own peaks
-JUMP_SLACK = 1e-6  # of the largest change of velocity in a period: rounding of a difference of velocities
-
-
-class LimitError(TrajectoryError):
-    """A motion that exceeds a limit of its stage; nothing has moved."""
-
-    def __init__(self, problem: Problem, needed: float = math.nan, allowed: float = math.nan) -> None:
-        super().__init__(problem)
-        self.needed, self.allowed = needed, allowed  # in the unit of the problem; of a travel downwards, its length
 
 
 class Start(NamedTuple):
@@ -88,9 +76,9 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, start: 
     """
     parts = phases(experiment)
     check_duration(parts.duration, setup.dt, LONGEST)
-    _within_limits(setup, parts.motion)
+    check_limits(setup, parts.motion)
     seen = foresee(setup, parts.motion, parts.duration)
-    _check_jumps(setup, seen)
+    check_jumps(setup, seen)
     force = _further_friction(setup, parts.motion, seen) if feedforward.with_friction else None
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
@@ -144,13 +132,13 @@ def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
     """Put the injected current into `rows`, and open the loop where the experiment does."""
     t = setup.dt * np.arange(len(rows))
     if parts.current is not None:
-        _check_current(setup, parts.current.amplitude)
+        check_current(setup, parts.current.amplitude)
         rows[:, SETPOINT_COLUMNS["injection"]] = parts.current.at(t - parts.start)
     opened = t >= parts.opens - 1e-9
     for name in ("feedforward", "friction", "velocity", "closed"):
         rows[opened, SETPOINT_COLUMNS[name]] = 0.0
     if parts.opens == 0.0:
-        _check_open(setup, rows[:, SETPOINT_COLUMNS["injection"]])
+        check_open(setup, rows[:, SETPOINT_COLUMNS["injection"]])
 
 
 def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
@@ -175,48 +163,6 @@ def _excitation(parts: Phases) -> tuple[Span, ...]:
     return tuple(span._replace(start=span.start + parts.start, end=span.end + parts.start) for span in spans)
 
 
-def check_duration(duration: float, dt: float, most: int) -> None:
-    """Refuse a motion of more than `most` periods.  Raises LimitError."""
-    longest = most * dt
-    if duration > longest:
-        reason = f"must be at most {longest:g} s, {most} control periods"
-        problem = Problem(reason, ProblemKind.LIMIT, "duration", f"{duration:g} s", "s")
-        raise LimitError(_unmoved(problem, "run fewer periods or cycles at a time"), duration, longest)
-
-
-def _check_current(setup: Setup, amplitude: float) -> None:
-    limit = setup.file.drive.current_limit
-    if amplitude > limit:
-        reason = f"the experiment's amplitude is {amplitude:g} A"
-        problem = Problem(reason, ProblemKind.LIMIT, "drive.current_limit", f"{limit:g} A", "A")
-        raise LimitError(_unmoved(problem, "lower the amplitude"), amplitude, limit)
-
-
-def _unmoved(problem: Problem, remedy: str) -> Problem:
-    return problem._replace(remedy=f"nothing has moved; {remedy}")
-
-
-def _check_open(setup: Setup, currents: NDArray[np.float64]) -> None:
-    """No loop holds an axis that a current moves: the model predicts where it would go."""
-    p, limits, axis = setup.stage, setup.file.limits, setup.file.axis
-    # One call for the whole motion: an interrupt between thousands of compiled ones has crashed the interpreter.
-    low, high, speed = rollout.carried(p, stage.at_rest(p), table(currents), setup.dt)
-    scale, unit = axis.travel_per_unit, axis.travel_unit
-    remedy = "lower the amplitude or raise the frequency"
-    if low < limits.travel[0] or high > limits.travel[1]:
-        reason = f"by the model the current would move the axis over [{low * scale:.4g}, {high * scale:.4g}] {unit}"
-        travel = f"[{limits.travel[0] * scale:g}, {limits.travel[1] * scale:g}] {unit}"
-        problem = _unmoved(Problem(reason, ProblemKind.LIMIT, "limits.travel", travel, unit), remedy)
-        if high > limits.travel[1]:
-            raise LimitError(problem, high * scale, limits.travel[1] * scale)
-        raise LimitError(problem, -low * scale, -limits.travel[0] * scale)
-    if speed > limits.speed:
-        reason = f"by the model the current would move the axis at {speed * scale:.4g} {unit}/s"
-        allowed = limits.speed * scale
-        problem = Problem(reason, ProblemKind.LIMIT, "limits.speed", f"{allowed:g} {unit}/s", f"{unit}/s")
-        raise LimitError(_unmoved(problem, remedy), speed * scale, allowed)
-
-
 def foresee(setup: Setup, trajectory: Trajectory, duration: float | None = None) -> Foreseen:
     """The trajectory at the instants that the feedforward needs, by the delay rule; `duration` (s) if not its own."""
     dt, lead = setup.dt, command_delay(setup)
@@ -231,60 +177,3 @@ def _at(setup: Setup, trajectory: Trajectory, t: Array) -> Array:
     """Position and velocity (n, 2) in axis units."""
     motion = trajectory.at(t)
     return np.ascontiguousarray(np.stack(motion[:2], axis=1) / setup.file.axis.travel_per_unit)
-
-
-class _Need(NamedTuple):
-    """What a trajectory needs of a limit, in units of travel."""
-
-    limit: str  # entry of the block `limits`
-    needed: float
-    allowed: float
-    unit: str
-    direction: str = ""  # of the travel
-
-
-def _within_limits(setup: Setup, trajectory: Trajectory) -> None:
-    limits, axis = setup.file.limits, setup.file.axis
-    scale, unit = axis.travel_per_unit, axis.travel_unit
-    extremes = peaks(trajectory, setup.dt)
-    low, high = limits.travel[0] * scale, limits.travel[1] * scale
-    for need in (
-        _Need("travel", extremes.highest, high, unit, " upwards"),
-        _Need("travel", -extremes.lowest, -low, unit, " downwards"),
-        _Need("speed", extremes.speed, limits.speed * scale, f"{unit}/s"),
-        _Need("acceleration", extremes.acceleration, limits.acceleration * scale, f"{unit}/s^2"),
-    ):
-        if not need.needed <= need.allowed * (1.0 + LIMIT_SLACK):
-            raise LimitError(_beyond(setup, need), need.needed, need.allowed)
-
-
-def _beyond(setup: Setup, need: _Need) -> Problem:
-    unit = f"{need.unit}{need.direction}"
-    reason, value = f"the trajectory needs {need.needed:.6g} {unit}", f"{need.allowed:.6g} {unit}"
-    change = "make the motion shorter" if need.direction else "make the motion slower"
-    if need.direction and need.allowed < 0.0:
-        ends = ", ".join(f"{end * setup.file.axis.travel_per_unit:g}" for end in setup.file.limits.travel)
-        reason, value = f"the motion begins {-need.allowed:.6g} {need.unit} outside", f"[{ends}] {need.unit}"
-        change = "begin within the travel"
-    remedy = (
-        f"{change}, or raise the limit in {setup.path} and try it: "
-        f"stagectl simulate {shlex.quote(str(setup.path))} TRAJECTORY"
-    )
-    return _unmoved(Problem(reason, ProblemKind.LIMIT, f"limits.{need.limit}", value, need.unit), remedy)
-
-
-def _check_jumps(setup: Setup, seen: Foreseen) -> None:
-    """Velocity that changes at once, as where a record begins or ends in motion; no acceleration shows it."""
-    change = np.abs(np.diff(seen.late[:, 1], prepend=0.0))
-    worst, allowed = int(np.argmax(change)), setup.file.limits.acceleration * setup.dt
-    if change[worst] > allowed * (1.0 + JUMP_SLACK):
-        scale, unit = setup.file.axis.travel_per_unit, f"{setup.file.axis.travel_unit}/s"
-        jump, largest = float(change[worst]) * scale, allowed * scale
-        reason = (
-            f"the trajectory's speed jumps by {jump:.4g} {unit} at {worst * setup.dt:.6g} s, and {largest:.4g} {unit} "
-            "in a period is allowed"
-        )
-        value = f"{setup.file.limits.acceleration * scale:.6g} {unit}^2"
-        problem = Problem(reason, ProblemKind.LIMIT, "limits.acceleration", value, f"{unit}^2")
-        remedy = "let it begin and end at rest (a csv trajectory takes run_up and run_out)"
-        raise LimitError(_unmoved(problem, remedy), jump, largest)

@@ -14,7 +14,8 @@ from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.evaluation import evaluate
 from stagectl.kernels import law
-from stagectl.plan import LimitError, Plan, plan
+from stagectl.motion_limits import LimitError
+from stagectl.plan import Plan, plan
 from stagectl.problem import ProblemKind
 from stagectl.simulation import simulate
 from stagectl.trajectories import (

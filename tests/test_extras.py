@@ -80,7 +80,11 @@ def test_what_is_missing_is_named(extra: str, without: Any) -> None:
         (gap_exam.exam, "tables", {"output": Path("exam")}),
         (gap_exam.exam, "exam", {"output": Path("exam"), "baselines": True}),
         (service.serve, "service", {"stages": [str(STAGE)]}),
-        (identification.identify, "report", {"method": "simultaneous", "stage": STAGE, "captures": [], "report": SINE}),
+        (
+            identification.identify,
+            "report",
+            {"method": "simultaneous", "stage": STAGE, "captures": [SINE], "report": SINE},
+        ),
         (tuning.tune, "report", {"stage": STAGE, "report": Path("page.html")}),
     ],
 )

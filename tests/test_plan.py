@@ -13,7 +13,8 @@ from stagectl import design
 from stagectl import plan as plans
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import law
-from stagectl.plan import LONGEST, SETTLE, LimitError, Plan, command_delay, foresee, plan
+from stagectl.motion_limits import LimitError
+from stagectl.plan import LONGEST, SETTLE, Plan, command_delay, foresee, plan
 from stagectl.problem import ProblemKind
 from stagectl.trajectories import Dwell, Recorded, Sequence, Sine, Trajectory, TrajectoryError, Trapezoid
 from tests.conftest import varied

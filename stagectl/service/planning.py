@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels.feedforward import Feedforward
-from stagectl.plan import Plan, Start, check_duration, plan
+from stagectl.motion_limits import check_duration
+from stagectl.plan import Plan, Start, plan
 from stagectl.problem import Problem
 from stagectl.service.limits import PLANNED_ROWS
 from stagectl.trajectories import Experiment, phases

@@ -1,0 +1,129 @@
+"""What a stage forbids: checks of a motion's travel, speed, acceleration, current and duration before it begins."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.config.stage_file import Setup
+from stagectl.kernels import rollout, stage
+from stagectl.kernels.feedforward import Foreseen
+from stagectl.kernels.jit import table
+from stagectl.problem import Problem, ProblemKind
+from stagectl.trajectories import Trajectory, TrajectoryError, peaks
+
+LIMIT_SLACK = 1e-9  # of a limit by which a trajectory may exceed it: rounding of its own peaks
+JUMP_SLACK = 1e-6  # of the largest change of velocity in a period: rounding of a difference of velocities
+
+
+class LimitError(TrajectoryError):
+    """A motion that exceeds a limit of its stage; nothing has moved."""
+
+    def __init__(self, problem: Problem, needed: float = math.nan, allowed: float = math.nan) -> None:
+        super().__init__(problem)
+        self.needed, self.allowed = needed, allowed  # in the unit of the problem; of a travel downwards, its length
+
+
+def check_duration(duration: float, dt: float, most: int) -> None:
+    """Refuse a motion of more than `most` periods.  Raises LimitError."""
+    longest = most * dt
+    if duration > longest:
+        reason = f"must be at most {longest:g} s, {most} control periods"
+        problem = Problem(reason, ProblemKind.LIMIT, "duration", f"{duration:g} s", "s")
+        raise LimitError(_unmoved(problem, "run fewer periods or cycles at a time"), duration, longest)
+
+
+def check_current(setup: Setup, amplitude: float) -> None:
+    """Refuse an injected current of this `amplitude` (A) above the drive's limit.  Raises LimitError."""
+    limit = setup.file.drive.current_limit
+    if amplitude > limit:
+        reason = f"the experiment's amplitude is {amplitude:g} A"
+        problem = Problem(reason, ProblemKind.LIMIT, "drive.current_limit", f"{limit:g} A", "A")
+        raise LimitError(_unmoved(problem, "lower the amplitude"), amplitude, limit)
+
+
+def _unmoved(problem: Problem, remedy: str) -> Problem:
+    return problem._replace(remedy=f"nothing has moved; {remedy}")
+
+
+def check_open(setup: Setup, currents: NDArray[np.float64]) -> None:
+    """No loop holds an axis that a current moves: the model predicts where it would go."""
+    p, limits, axis = setup.stage, setup.file.limits, setup.file.axis
+    # One call for the whole motion: an interrupt between thousands of compiled ones has crashed the interpreter.
+    low, high, speed = rollout.carried(p, stage.at_rest(p), table(currents), setup.dt)
+    scale, unit = axis.travel_per_unit, axis.travel_unit
+    remedy = "lower the amplitude or raise the frequency"
+    if low < limits.travel[0] or high > limits.travel[1]:
+        reason = f"by the model the current would move the axis over [{low * scale:.4g}, {high * scale:.4g}] {unit}"
+        travel = f"[{limits.travel[0] * scale:g}, {limits.travel[1] * scale:g}] {unit}"
+        problem = _unmoved(Problem(reason, ProblemKind.LIMIT, "limits.travel", travel, unit), remedy)
+        if high > limits.travel[1]:
+            raise LimitError(problem, high * scale, limits.travel[1] * scale)
+        raise LimitError(problem, -low * scale, -limits.travel[0] * scale)
+    if speed > limits.speed:
+        reason = f"by the model the current would move the axis at {speed * scale:.4g} {unit}/s"
+        allowed = limits.speed * scale
+        problem = Problem(reason, ProblemKind.LIMIT, "limits.speed", f"{allowed:g} {unit}/s", f"{unit}/s")
+        raise LimitError(_unmoved(problem, remedy), speed * scale, allowed)
+
+
+class _Need(NamedTuple):
+    """What a trajectory needs of a limit, in units of travel."""
+
+    limit: str  # entry of the block `limits`
+    needed: float
+    allowed: float
+    unit: str
+    direction: str = ""  # of the travel
+
+
+def check_limits(setup: Setup, trajectory: Trajectory) -> None:
+    """Refuse a motion beyond travel, speed or acceleration.  Raises LimitError."""
+    limits, axis = setup.file.limits, setup.file.axis
+    scale, unit = axis.travel_per_unit, axis.travel_unit
+    extremes = peaks(trajectory, setup.dt)
+    low, high = limits.travel[0] * scale, limits.travel[1] * scale
+    for need in (
+        _Need("travel", extremes.highest, high, unit, " upwards"),
+        _Need("travel", -extremes.lowest, -low, unit, " downwards"),
+        _Need("speed", extremes.speed, limits.speed * scale, f"{unit}/s"),
+        _Need("acceleration", extremes.acceleration, limits.acceleration * scale, f"{unit}/s^2"),
+    ):
+        if not need.needed <= need.allowed * (1.0 + LIMIT_SLACK):
+            raise LimitError(_beyond(setup, need), need.needed, need.allowed)
+
+
+def _beyond(setup: Setup, need: _Need) -> Problem:
+    unit = f"{need.unit}{need.direction}"
+    reason, value = f"the trajectory needs {need.needed:.6g} {unit}", f"{need.allowed:.6g} {unit}"
+    change = "make the motion shorter" if need.direction else "make the motion slower"
+    if need.direction and need.allowed < 0.0:
+        ends = ", ".join(f"{end * setup.file.axis.travel_per_unit:g}" for end in setup.file.limits.travel)
+        reason, value = f"the motion begins {-need.allowed:.6g} {need.unit} outside", f"[{ends}] {need.unit}"
+        change = "begin within the travel"
+    remedy = (
+        f"{change}, or raise the limit in {setup.path} and try it: "
+        f"stagectl simulate {shlex.quote(str(setup.path))} TRAJECTORY"
+    )
+    return _unmoved(Problem(reason, ProblemKind.LIMIT, f"limits.{need.limit}", value, need.unit), remedy)
+
+
+def check_jumps(setup: Setup, seen: Foreseen) -> None:
+    """Velocity that changes at once, as where a record begins or ends in motion; no acceleration shows it."""
+    change = np.abs(np.diff(seen.late[:, 1], prepend=0.0))
+    worst, allowed = int(np.argmax(change)), setup.file.limits.acceleration * setup.dt
+    if change[worst] > allowed * (1.0 + JUMP_SLACK):
+        scale, unit = setup.file.axis.travel_per_unit, f"{setup.file.axis.travel_unit}/s"
+        jump, largest = float(change[worst]) * scale, allowed * scale
+        reason = (
+            f"the trajectory's speed jumps by {jump:.4g} {unit} at {worst * setup.dt:.6g} s, and {largest:.4g} {unit} "
+            "in a period is allowed"
+        )
+        value = f"{setup.file.limits.acceleration * scale:.6g} {unit}^2"
+        problem = Problem(reason, ProblemKind.LIMIT, "limits.acceleration", value, f"{unit}^2")
+        remedy = "let it begin and end at rest (a csv trajectory takes run_up and run_out)"
+        raise LimitError(_unmoved(problem, remedy), jump, largest)
