@@ -35,8 +35,7 @@ def _fitted(parts: Array) -> Array:
 
 def _error(parts: Array, precision: Array, mean: float = 0.0) -> float:
     """Of the first amplitude."""
-    error = mean_square_error(parts, BOTH, np.array([mean, 0.0]), precision)
-    return float((error.whole[0, 0] + error.step[0] ** 2) ** 0.5)
+    return float(mean_square_error(parts, BOTH, np.array([mean, 0.0]), precision).whole[0, 0] ** 0.5)
 
 
 def test_white_noise_gives_the_textbook_covariance() -> None:

@@ -18,12 +18,11 @@ from stagectl.kernels import stage
 class Estimate(NamedTuple):
     """A parameter as fitted, SI."""
 
-    value: float  # the most probable one
+    value: float
     nominal: float
     deviation: float  # standard
     scale: float  # to which its change is relative
     prior: float  # standard deviation around the nominal value before the data
-    step: float = 0.0  # from the fit to the most probable value
 
 
 class Joint(NamedTuple):
@@ -59,12 +58,12 @@ def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Join
     rows = {name: _functional(name, known.names) for name in values}
     names = [name for name, row in rows.items() if name == "coulomb" or row.any()]
     of_columns = np.array([rows[name] for name in names])
-    matrix, moved = of_columns @ known.matrix @ of_columns.T, of_columns @ known.step
+    matrix = of_columns @ known.matrix @ of_columns.T
     deviation = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     estimate = {}
-    for name, step, spread in zip(names, moved.tolist(), deviation.tolist(), strict=True):
+    for name, spread in zip(names, deviation.tolist(), strict=True):
         value, nominal, scale = values[name]
-        estimate[name] = Estimate(value + step, nominal, spread, scale, e.base.prior.width(name), step)
+        estimate[name] = Estimate(value, nominal, spread, scale, e.base.prior.width(name))
     return Joint(estimate, matrix)
 
 

@@ -146,22 +146,21 @@ def _unit(name: str, kind: str) -> str:
 def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
     """The shift of the first of `views`, as sure as the least sure of them."""
     p, sure = views[0], min(_probability(name, view) for view in views)
-    fitted = p.value - p.step
-    error = max(float(np.hypot(view.deviation, view.value - fitted)) for view in views)
-    change, spread, half = (fitted - p.nominal) / p.scale, error / p.scale, NORMAL * error
+    error = max(float(np.hypot(view.deviation, view.value - p.value)) for view in views)
+    change, spread, half = (p.value - p.nominal) / p.scale, error / p.scale, NORMAL * error
     lowest = 0.0 if name in POSITIVE else -np.inf
-    value = Value(fitted, max(fitted - half, lowest), fitted + half, _unit(name, kind))
+    value = Value(p.value, max(p.value - half, lowest), p.value + half, _unit(name, kind))
     return Shift(name, change, spread, share, value, sure, alike, p.nominal == 0.0)
 
 
 def _probability(name: str, p: Estimate) -> float:
-    """Probability that a parameter has changed, and by more than what matters: as fitted, and as is most probable."""
+    """Probability that a parameter has changed, and by more than what matters for a model."""
     spread, moved = max(p.deviation, 1e-9 * p.scale), p.value - p.nominal
     factor = log_odds(np.array([moved]), np.array([[spread**2]]), np.array([max(p.prior, 1e-300)]))
     odds = np.log(thresholds.SHIFT_ODDS[name]) + factor
     least = thresholds.SHIFT_LEAST[name] * p.scale
-    beyond = [ndtr((away - least) / spread) + ndtr((-away - least) / spread) for away in (moved, moved - p.step)]
-    return float(expit(odds) * min(beyond))
+    beyond = ndtr((moved - least) / spread) + ndtr((-moved - least) / spread)
+    return float(expit(odds) * beyond)
 
 
 def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:

@@ -18,9 +18,10 @@ SHIFT_SHARE = 0.005  # of the closable misfit before the refit; chosen. A shift 
 # Relative; of the bias to the friction, of the time shift to the period; chosen. A smaller shift does not matter.
 SHIFT_LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02}
 SHIFT_LEAST |= {"time_shift": 0.1, "dead_time": 0.1}  # control periods
-# Prior odds of a change: a value of a model is as often off as not; that a log or drive is late, as of any effect.
-SHIFT_ODDS = dict.fromkeys(("inertia", "viscous", "coulomb", "presliding", "bias"), 1.0)
-SHIFT_ODDS |= dict.fromkeys(("time_shift", "dead_time"), INCLUSION)
+# Prior odds of a change: a value of a model is as often off as not, also the delay where no measured current tells it;
+# that a log is late, as of any effect.
+SHIFT_ODDS = dict.fromkeys(("inertia", "viscous", "coulomb", "presliding", "bias", "dead_time"), 1.0)
+SHIFT_ODDS |= {"time_shift": INCLUSION}
 FRICTIONLESS = 0.01  # of the larger Coulomb friction, nominal or fitted; chosen. Below, its length has no meaning.
 PRESLIDING_ERROR = 0.03  # of the length; chosen. Its least standard deviation: the elements lie on a grid.
 COMMON_SPREAD = 0.006  # of log J, log D, log T_c; chosen. Within it their shifts are one common scale.

@@ -44,13 +44,12 @@ class Errors(NamedTuple):
 
     grams: Grams  # of all columns and the residual
     names: tuple[str, ...]
-    step: Array  # (k,) from the values of the model to the most probable ones, beside the friction's form
-    matrix: Array  # (k, k) mean square error of these
+    matrix: Array  # (k, k) mean square error
     between: Array  # (k, k) what of it parts of the data contradict each other by
 
     def deviations(self) -> dict[str, float]:
         """Standard error of each parameter's value in the model."""
-        error = np.sqrt(np.maximum(np.diag(self.matrix), 0.0) + self.step**2)
+        error = np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
         return dict(zip(self.names, error.tolist(), strict=True))
 
 
@@ -73,8 +72,7 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
     found = {}
     for way, parts in ways(g, products, now, smooth).items():
         error = gram_matrices.mean_square_error(np.tensordot(parts, powers, (1, 0)), places, mean, precision)
-        whole = error.whole + np.outer(apart, apart) + np.diag(diluted**2)
-        found[way] = Errors(g, names, error.step, whole, error.between)
+        found[way] = Errors(g, names, error.whole + np.outer(apart, apart) + np.diag(diluted**2), error.between)
     return found
 
 

@@ -142,8 +142,8 @@ class MeanSquareError(NamedTuple):
 
     @property
     def whole(self) -> Array:
-        """(k, k) of the most probable values."""
-        return self.between + self.prior
+        """(k, k) of the values of the fit."""
+        return self.between + self.prior + np.outer(self.step, self.step)
 
 
 def mean_square_error(parts: Array, places: Sequence[int], mean: Array, precision: Array) -> MeanSquareError:

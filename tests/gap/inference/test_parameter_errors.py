@@ -150,7 +150,7 @@ def test_the_rolling_zone_is_as_uncertain_as_its_elements() -> None:
     error = {}
     for size in (0.0, 0.05, 0.1):
         of_last = np.diag([0.0, 0.0, size**2])
-        error[size] = parameter_errors._half_way_error(now, Errors(NOTHING, names, NOTHING, of_last, NOTHING))
+        error[size] = parameter_errors._half_way_error(now, Errors(NOTHING, names, of_last, NOTHING))
     assert error[0.0] == 0.0 < error[0.05] and error[0.1] == pytest.approx(2.0 * error[0.05], rel=0.2)
-    common = Errors(NOTHING, names, NOTHING, np.full((3, 3), 0.1**2), NOTHING)
+    common = Errors(NOTHING, names, np.full((3, 3), 0.1**2), NOTHING)
     assert parameter_errors._half_way_error(now, common) < 0.1 * error[0.1]
