@@ -18,7 +18,7 @@ import sys
 from typing import Any, NamedTuple
 
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import DriveError, Fault
+from stagectl.drives.drive import Drive, DriveError, Fault
 from stagectl.realtime import safety, scheduling
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.axis_data import Orders
@@ -127,7 +127,11 @@ class Loop:
 
     def _axis(self, p: Orders) -> Axis:
         kind = SingleAxis if self._post.single else Axis
-        return kind(p, Board(p.board), Ring(*p.ring), self._opening.drive, self._clock)
+        return kind(p, Board(p.board), Ring(*p.ring), self._connect, self._clock)
+
+    def _connect(self, p: Orders) -> Drive:
+        """The self-test's rig connects to a bus of its own."""
+        return self._opening.drive(p)
 
     def _idle(self) -> None:
         self._clock.sleep(_IDLE)
