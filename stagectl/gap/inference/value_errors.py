@@ -28,7 +28,7 @@ from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Say, Selection, dropped
 
-EXPERIMENT, CLOCK = "experiment", "clock"
+CLOCK = "clock"
 COORDINATES: Mapping[str, Callable[[RunMotion, float], Array]] = {
     "velocity": lambda motion, _: motion.velocity,
     "acceleration": lambda motion, _: motion.acceleration,
@@ -116,7 +116,7 @@ def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float) -> Array
 
 def ways(g: Grams, products: gram_matrices.Products, now: Fitted, smooth: BasisColumns) -> dict[str, Array]:
     """Every way to divide the data: the matrices (b, 2, p + 1, p + 1) of its parts, by its name."""
-    divided = {EXPERIMENT: gram_matrices.by_experiment(g)}
+    divided = {"experiment": gram_matrices.by_experiment(g)}
     if sum(len(run.paths) for run in smooth.runs) >= 2 * LEAST_BLOCKS:
         divided[CLOCK] = data_parts.by_clock(products, now.residuals)
     for name, place in COORDINATES.items():
@@ -139,14 +139,15 @@ def log_odds(moved: Array, error: Array, prior: Array) -> float:
 
 
 def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisColumns, say: Say) -> Selection:
-    """`selected` with no effect more probable than that its size is not none, as far as parts of the data agree on it.
+    """`selected` with no effect more probable than that its size is not none, as far as parts of the session agree.
 
-    What is more probably of no size leaves the model.  An effect may act at one place or speed alone, but in all
-    experiments that come there, and at all times.
+    What is more probably of no size leaves the model.  An effect may show in one experiment, at one place or speed
+    alone, but in all repeats of it; and a drift has its form at all times.
     """
-    every = errors(e, library, selected.fitted, smooth)
-    known = [every[way] for way in (EXPERIMENT, CLOCK) if way in every]
-    of_size = {v.effect.name: min(_of_size(v, each) for each in known) for v in selected.fitted.effects}
+    known = errors(e, library, selected.fitted, smooth).get(CLOCK)
+    if known is None:
+        return selected
+    of_size = {valued.effect.name: _of_size(valued, known) for valued in selected.fitted.effects}
     weak = min(of_size, key=of_size.__getitem__, default="")
     if weak and of_size[weak] < constants.KEPT:
         return borne_out(e, library, dropped(e, library, selected.fitted, weak, say), smooth, say)
