@@ -1,0 +1,29 @@
+"""Which orders wait for others, and those that wait for nothing: the stops."""
+
+from __future__ import annotations
+
+from stagectl.realtime.axis import Axis
+from stagectl.realtime.shared_memory import CUT, HOLD, Order
+from stagectl.realtime.states import Event, State
+
+_STOP_EVENTS = {HOLD: Event.STOP, CUT: Event.QUICK_STOP}
+
+
+def take_stops(axis: Axis) -> None:
+    """Take the stops that were asked for; no queue, no other axis and no state is in their way."""
+    kinds = axis.board.next_stops()
+    for kind in kinds:
+        axis.happen(_STOP_EVENTS[kind])
+    if kinds:
+        axis.show()  # before it is heeded: whoever asked sees the state that follows
+        axis.board.heed()
+
+
+def joint(order: Order) -> bool:
+    """Whether it is a move that begins with those of other axes."""
+    return order.kind == Event.MOVE and order.numbers[-1] > 1.0
+
+
+def too_soon(axis: Axis, order: Order) -> bool:
+    """Whether it is a move that waits for the power that its axis is getting."""
+    return order.kind == Event.MOVE and axis.state is State.ENABLING
