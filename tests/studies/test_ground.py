@@ -15,12 +15,11 @@ from stagectl_studies.exam.staging import drawn
 import stagectl as sc
 from tests.conftest import CONFIG
 
-NOISE = 0.02  # A rms
 SINE = "type: sine\namplitude: {amplitude}\nfrequency: 1.6 Hz\nperiods: 6\n"
 
 
 def recorded(folder: Path, name: str, amplitude: str) -> tuple[Path, Path]:
-    """A simulated sine of the stage of this name, with noise of the current: the record, and the stage."""
+    """A simulated sine of the stage of this name: the record, and the stage."""
     stage = CONFIG / f"{name}.yaml"
     (folder / "sine.yaml").write_text(SINE.format(amplitude=amplitude))
     record = sc.simulate(stage, folder / "sine.yaml").save(folder / "record.h5")
@@ -54,12 +53,14 @@ def test_a_slider_keeps_its_ratios(tmp_path: Path) -> None:
 
 
 def test_the_trials_are_drawn_on_it_and_the_exam_says_so(ball_screw: tuple[Path, Path], tmp_path: Path) -> None:
-    ground, asked = ground_of(*ball_screw), Asked(2, 5, ("single-2",), str(ball_screw[0]))
-    for planned in prepared(tmp_path / "exam", asked, Manner(short=True), False, ground):
+    ground, asked = ground_of(*ball_screw), Asked(2, 5, ("single-2",), *map(str, ball_screw))
+    for planned in prepared(tmp_path / "exam", asked, Manner(short=True), False):
         (without,) = drawn(planned, short=True).without
         assert without.machine.body == ground.body and without.machine.drive.sensor_noise == ground.sensor_noise
     with pytest.raises(ExamError):
         prepared(tmp_path / "exam", asked._replace(on=""), Manner(short=True), True)
+    with pytest.raises(ExamError):
+        prepared(tmp_path / "exam", asked._replace(stage=str(CONFIG / "emps.yaml")), Manner(short=True), True)
 
 
 def test_a_folder_is_no_record(ball_screw: tuple[Path, Path]) -> None:

@@ -20,7 +20,6 @@ from stagectl.units import StageError
 if TYPE_CHECKING:
     from stagectl_studies.exam.exam import Asked
     from stagectl_studies.exam.question import Manner
-    from stagectl_studies.machine.stages import Ground
 
 Trials = Annotated[int, typer.Option("--trials", min=1, max=100_000, help="Number of trials.")]
 First = Annotated[int | None, typer.Option(min=1, help="Run only the first N trials now, then score.")]
@@ -97,11 +96,13 @@ def exam(
     if baselines:
         require("exam", "--baselines")
     count, threads = workers_and_threads(workers)
-    ground = None if on is None else _ground(on, stage)
-    asked = Asked(trials, _seed(output, resume, seed), names, "" if on is None else str(on.resolve()))
+    if on is not None and stage is None:
+        raise ArgumentError("on", on, ": name the stage of the record, too", "stage STAGE.yaml")
+    record = (str(path.resolve()) if path else "" for path in (on, stage))
+    asked = Asked(trials, _seed(output, resume, seed), names, *record)
     manner = Manner(short, full, keep, baselines, threads)
     how = _How(resume, first, count, scheduler, ledger or output.resolve().parent / "ledger.jsonl")
-    result, seconds = _held(output.resolve(), (asked, ground), manner, how)
+    result, seconds = _held(output.resolve(), asked, manner, how)
     _entered(how.ledger, result, seconds)
     emit(result, json)
     _show(result, seconds)
@@ -120,27 +121,16 @@ def _seed(output: Path, resume: bool, seed: int | None) -> int:
     return source_seed(*packages()) if known is None else known
 
 
-def _ground(record: Path, stage: Path | None) -> Ground:
-    from stagectl_studies.exam.ground import ground_of
-
-    if stage is None:
-        raise ArgumentError("on", record, ": name the stage of the record, too", "stage STAGE.yaml")
-    return ground_of(record, stage)
-
-
-def _held(
-    output: Path, what: tuple[Asked, Ground | None], manner: Manner, how: _How
-) -> tuple[dict[str, Any], dict[str, list[float]]]:
+def _held(output: Path, asked: Asked, manner: Manner, how: _How) -> tuple[dict[str, Any], dict[str, list[float]]]:
     """The result of the exam, which also stands in scores.json, and the seconds."""
     from stagectl_studies.exam import exam as exams
     from stagectl_studies.exam import ledger
     from stagectl_studies.exam.plan import ExamError
     from stagectl_studies.exam.totals import totals
 
-    asked, ground = what
     try:
         new = exams.seed_of(output) is None
-        planned = exams.prepared(output, asked, manner, how.resume, ground)[: how.first]
+        planned = exams.prepared(output, asked, manner, how.resume)[: how.first]
         if new:
             ledger.append(how.ledger, ledger.beginning({**asked._asdict(), **_ways(manner)}, _now()))
         where = f"{how.workers} at once" if how.scheduler is None else f"on {how.scheduler}"

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from stagectl_studies.exam.ground import ground_of
 from stagectl_studies.exam.plan import ExamError, Planned, plan
 from stagectl_studies.exam.question import Manner
 from stagectl_studies.exam.run_trial import TIMES, Job, finished, folder_of
-from stagectl_studies.machine.stages import Ground
 
 EXAM = "exam.json"
 FLAGS = ("short", "full", "baselines")
@@ -28,6 +28,7 @@ class Asked(NamedTuple):
     seed: int
     strata: tuple[str, ...] = ()
     on: str = ""  # path of the record on whose friction and noise the trials are drawn; empty: on drawn ones
+    stage: str = ""  # path of the stage file of that record
 
 
 def seed_of(root: Path) -> int | None:
@@ -39,26 +40,31 @@ def seed_of(root: Path) -> int | None:
     return None if before is None else int(before["seed"])
 
 
-def prepared(root: Path, asked: Asked, manner: Manner, resume: bool, ground: Ground | None = None) -> list[Planned]:
-    """The plan, on the `ground` of a record or on drawn ones, written down at the first start and compared later.
+def prepared(root: Path, asked: Asked, manner: Manner, resume: bool) -> list[Planned]:
+    """The plan, written down at the first start and compared at a later one.
 
     Raises ExamError, and writes nothing, where a stratum is none, or where the folder holds another exam, or any
     without `resume`.
     """
-    planned = [trial._replace(ground=ground) for trial in plan(asked.trials, asked.seed, asked.strata)]
+    planned = plan(asked.trials, asked.seed, asked.strata)
     described, before = _described(asked, manner), _before(root)
+    if before is not None and not resume:
+        raise ExamError(f"{root} holds an exam already; go on with --resume, or choose another folder")
+    if before not in (None, described):
+        raise _another(root, before, described)
+    ground = ground_of(Path(asked.on), Path(asked.stage)) if asked.on else None
     if before is None:
         root.mkdir(parents=True, exist_ok=True)
         (root / EXAM).write_text(json.dumps(described, indent=1) + "\n", encoding="utf-8")
-    elif not resume:
-        raise ExamError(f"{root} holds an exam already; go on with --resume, or choose another folder")
-    elif before != described:
-        changed = [name for name in described if before[name] != described[name]]
-        words = [f"{_option(name, described[name])} (there: {_option(name, before[name])})" for name in changed]
-        raise ExamError(
-            f"{root} holds another exam: {', '.join(words)}; choose another folder, or: {_again(root, before)}"
-        )
-    return planned
+    return [trial._replace(ground=ground) for trial in planned]
+
+
+def _another(root: Path, before: Record, described: Record) -> ExamError:
+    changed = [name for name in described if before[name] != described[name]]
+    words = [f"{_option(name, described[name])} (there: {_option(name, before[name])})" for name in changed]
+    return ExamError(
+        f"{root} holds another exam: {', '.join(words)}; choose another folder, or: {_again(root, before)}"
+    )
 
 
 def _described(asked: Asked, manner: Manner) -> Record:
@@ -93,7 +99,9 @@ def _option(name: str, value: Any) -> str:
 
 def _again(root: Path, before: Record) -> str:
     """The command that goes on with an exam."""
-    chosen = [_option(name, before[name]) for name in ("trials", "seed", "strata", "on", *FLAGS) if before[name]]
+    chosen = [
+        _option(name, before[name]) for name in ("trials", "seed", "strata", "on", "stage", *FLAGS) if before[name]
+    ]
     return f"stagectl gap exam --resume {' '.join(chosen)} -o {shlex.quote(str(root))}"
 
 
