@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -94,7 +94,7 @@ def identify(
     Example: stagectl identify least-squares config/emps.yaml recordings/emps.h5 --json -
     """
     if watch:
-        _follow(stage, _looks(method, stage, socket, axis, (every, within)), write, json)
+        _follow(stage, _looks(method, stage, every, socket=socket, axis=axis, within=within), write, json)
         return
     if not captures:
         raise StageError("nothing to identify from: name recordings or logs, or --watch a running service")
@@ -121,14 +121,13 @@ def identify(
     patch(stage, write, lambda target: fit.write(target, doubtful=doubtful))
 
 
-def _looks(method: str, stage: Path, socket: Path | None, axis: str, settings: tuple[str, float]) -> Iterator[Verdict]:
-    """What `--watch` sees; `settings` are ``--every`` and ``--within``."""
+def _looks(method: str, stage: Path, every: str, **watched: Any) -> Iterator[Verdict]:
+    """What `--watch` sees; `watched` are the other arguments of `watch_friction`."""
     from stagectl.api.friction_watch import watch_friction
 
     if method != "simultaneous":
         raise ArgumentError("watch", "", f"follows what `simultaneous` finds, not `{method}`")
-    every = quantity("every", settings[0], _EVERY, "it such as '10 s'")
-    return watch_friction(stage, socket=socket, axis=axis, every=every, within=settings[1])
+    return watch_friction(stage, every=quantity("every", every, _EVERY, "it such as '10 s'"), **watched)
 
 
 def _follow(stage: Path, looks: Iterator[Verdict], write: Path | None, json: str | None) -> None:

@@ -63,7 +63,7 @@ class Legs(NamedTuple):
         return np.flatnonzero(self.way[1:] * self.way[:-1] < 0.0) + 1
 
 
-class _Run(NamedTuple):
+class Run(NamedTuple):
     """Rows `first` ... `last` that move in the same direction."""
 
     first: int
@@ -82,7 +82,7 @@ def legs(position: Array, velocity: Array, dt: float) -> Legs:
     Its first row may already move, as it is computed ahead of time: the beginning is extrapolated from there.
     """
     band = ROUNDING * float(np.max(np.abs(velocity), initial=0.0))
-    return _cut(position, velocity, dt, _runs(velocity, band), from_rest=True)
+    return _cut(position, velocity, dt, runs_of(velocity, band), from_rest=True)
 
 
 def measured_legs(position: Array, velocity: Array, dt: float, band: float, least: float) -> Legs:
@@ -91,11 +91,11 @@ def measured_legs(position: Array, velocity: Array, dt: float, band: float, leas
     Rows slower than `band` are at rest, and so are stretches between two standstills that never exceed `least`.  Both
     limits lie above the noise.
     """
-    runs = [run for run in _runs(velocity, band) if np.max(np.abs(velocity[run.first : run.last + 1])) > least]
+    runs = [run for run in runs_of(velocity, band) if np.max(np.abs(velocity[run.first : run.last + 1])) > least]
     return _cut(position, velocity, dt, runs, from_rest=False)
 
 
-def _cut(position: Array, velocity: Array, dt: float, runs: list[_Run], from_rest: bool) -> Legs:
+def _cut(position: Array, velocity: Array, dt: float, runs: list[Run], from_rest: bool) -> Legs:
     x, v = np.asarray(position, dtype=np.float64), _standing_between(velocity, runs)
     rest = _Edge(0.0, float(x[0]) if len(x) else 0.0)
     starts = [rest] + [_start(run, x, v, dt) for run in runs]
@@ -121,17 +121,17 @@ def _measured_from(starts: Array, ends: Array, way: Array, rows: tuple[NDArray[n
     return Legs(leg, since * dt, until * dt, covered, np.abs(v), way, start * dt, end * dt, length, dt)
 
 
-def _runs(velocity: Array, band: float) -> list[_Run]:
+def runs_of(velocity: Array, band: float) -> list[Run]:
     """Stretches of one sign; rows at rest, at most as fast as `band`, are left out."""
     sign = np.where(np.abs(velocity) > band, np.sign(velocity), 0.0)
     if not len(sign):
         return []
     edges = np.flatnonzero(np.diff(sign)) + 1
     firsts, lasts = np.concatenate([[0], edges]), np.concatenate([edges - 1, [len(sign) - 1]])
-    return [_Run(int(a), int(b), float(sign[a])) for a, b in zip(firsts, lasts, strict=True) if sign[a] != 0.0]
+    return [Run(int(a), int(b), float(sign[a])) for a, b in zip(firsts, lasts, strict=True) if sign[a] != 0.0]
 
 
-def _standing_between(velocity: Array, runs: list[_Run]) -> Array:
+def _standing_between(velocity: Array, runs: list[Run]) -> Array:
     """The velocity, exactly zero outside of the runs."""
     v = np.zeros(len(velocity))
     for run in runs:
@@ -139,7 +139,7 @@ def _standing_between(velocity: Array, runs: list[_Run]) -> Array:
     return v
 
 
-def _start(run: _Run, x: Array, v: Array, dt: float) -> _Edge:
+def _start(run: Run, x: Array, v: Array, dt: float) -> _Edge:
     """Where the run left the crossing: between its first row and the row before."""
     a = run.first
     if a == 0:
@@ -150,14 +150,14 @@ def _start(run: _Run, x: Array, v: Array, dt: float) -> _Edge:
     return _Edge(a - share, float(x[a - 1]))
 
 
-def _before(run: _Run, x: Array, v: Array, dt: float) -> _Edge:
+def _before(run: Run, x: Array, v: Array, dt: float) -> _Edge:
     """Where a run that is already moving in the first row left its rest, at constant acceleration."""
     change = float(v[1] - v[0]) if run.last > 0 else 0.0
     rows = float(v[0]) / change if v[0] * change > 0.0 else 0.5
     return _Edge(-rows, float(x[0] - 0.5 * v[0] * rows * dt))
 
 
-def _end(run: _Run, x: Array, v: Array, dt: float) -> _Edge:
+def _end(run: Run, x: Array, v: Array, dt: float) -> _Edge:
     """Where the run reaches the next crossing: between its last row and the row after."""
     b = run.last
     if b == len(v) - 1:

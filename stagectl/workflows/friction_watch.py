@@ -12,7 +12,6 @@ before it comes back and the watch ends: it is not the friction that has changed
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special  # not `stats`, which takes a second to import
 
+from stagectl.compensation.legs import runs_of
 from stagectl.evaluation import latched_reference, tracking_error
 
 Array = NDArray[np.float64]
@@ -51,9 +51,12 @@ def legs(rows: NDArray[Any], meta: dict[str, Any]) -> tuple[Array, float]:
     """The rms tracking error (n,) of each whole leg that is as fast as the fastest (m | rad), and that speed."""
     reference = latched_reference(rows, meta)
     error = tracking_error(rows, meta)
-    speed = np.abs(np.gradient(reference, meta["dt"]))
-    ends = np.flatnonzero(np.diff(np.sign(np.gradient(reference)))) + 1
-    whole = [slice(begin, end) for begin, end in itertools.pairwise(ends) if end - begin >= SHORTEST_LEG]
+    velocity = np.gradient(reference, meta["dt"])
+    speed, last = np.abs(velocity), len(velocity) - 1
+    runs = [
+        run for run in runs_of(velocity, 0.0) if run.first > 0 and run.last < last
+    ]  # what the record cuts is no leg
+    whole = [slice(run.first, run.last + 1) for run in runs if run.last - run.first + 1 >= SHORTEST_LEG]
     fastest = max((float(speed[leg].max()) for leg in whole), default=0.0)
     fast = [leg for leg in whole if speed[leg].max() > (1.0 - SAME_MOTION) * fastest]
     return np.array([math.sqrt(float(np.mean(error[leg] ** 2))) for leg in fast]), fastest

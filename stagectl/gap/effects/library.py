@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import operator
 import tomllib
@@ -15,6 +14,7 @@ from stagectl.gap.effects import drive, friction, mechanics
 from stagectl.gap.effects.effect import Data, Definition, Effect, Scales, definition
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels.stage import Stage
+from stagectl.problem import nearest
 
 _PARAMETERS = {name: of for part in (mechanics, drive, friction) for name, of in part.PARAMETERS.items()}
 
@@ -99,7 +99,7 @@ class UnknownEffectError(GapError):
     """`value` of an option is not the name of an effect; `range` holds the names that are."""
 
     def __init__(self, value: str) -> None:
-        close = difflib.get_close_matches(value, EFFECTS, 1)
-        hint = f"did you mean {close[0]}?" if close else f"must be one of {', '.join(EFFECTS)}"
+        close = nearest(value, tuple(EFFECTS))
+        hint = f"did you mean {close}?" if close else f"must be one of {', '.join(EFFECTS)}"
         super().__init__(f"--exclude {value}: not an effect; {hint}")
         self.place, self.value, self.range = "--exclude", value, tuple(EFFECTS)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from stagectl.gap.logs.session import NominalValueError
-from stagectl.problem import below
+from stagectl.problem import below, nearest
 from stagectl.units import LINEAR, ROTARY, Quantity, quantity_of
 
 
@@ -82,8 +81,8 @@ class Block(NamedTuple):
         names = list(known)
         for key in self.values:
             if key not in names:
-                near = difflib.get_close_matches(str(key), names, 1)
-                meant = f"; did you mean {near[0]}?" if near else ""
+                near = nearest(str(key), names)
+                meant = f"; did you mean {near}?" if near else ""
                 self.notes.append(f"{self.name}.{key} of {self.place.name} is not known and has no effect{meant}")
 
     def refused(self, key: str, rule: str) -> NominalValueError:
