@@ -1,23 +1,23 @@
 """The moving picture of the README: ``python tools/manual/live_page.py [FILE.webp]``, docs/live-page.webp unless named.
 
-A service on a virtual drive moves to and fro while chromium looks at its live page.  Pictures are taken as fast as the
-browser gives them, and each is shown as long as it stood: the animation runs at the speed of the axis.
+A service on a virtual drive moves to and fro while chromium looks at its live page.  Each picture that the browser
+draws is shown as long as it stood: the animation runs at the speed of the axis.
 """
 
 from __future__ import annotations
 
+import base64
 import io
 import itertools
 import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 from PIL import Image
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -26,8 +26,11 @@ from tests.service.serving import Served, free_port, served
 
 MOTION = "{type: sine, amplitude: 10 mm, frequency: 0.5 Hz, periods: 30}"
 SHOWN = 6.0  # s of motion: whole periods of it, so that the end meets the beginning
-SIZE, SCALE = {"width": 1280, "height": 860}, 0.75  # of the window (pixels); 960 pixels wide on most screens
+SIZE = {"width": 1280, "height": 860}  # of the window, pixels
+WIDTH = 960  # of the pictures, pixels
+INTERVAL = 0.1  # s between two pictures at least: the file stays small
 SPAN = 5  # s that the curves show
+SETTLED = 10.0  # s until a started browser leaves the processor to the axis
 FILLED = SPAN + 2.0  # s of motion until they fill their plots
 QUALITY = 60  # of WebP, 0 to 100: letters stay sharp
 
@@ -44,25 +47,43 @@ def recorded(machine: Served, port: int) -> list[Frame]:
     key = (machine.folder / "state" / "key").read_text().strip()
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        page = browser.new_page(viewport=SIZE, device_scale_factor=SCALE)
+        page = browser.new_page(viewport=SIZE)
         page.goto(f"http://127.0.0.1:{port}/#{key}")
         machine.until(lambda axis: axis["state"] != "connecting")
+        page.wait_for_timeout(1e3 * SETTLED)
         machine.ask("POST", "enable")
         machine.ask("POST", "trajectory", yaml=MOTION, wait=False)
         page.select_option("#strip-span", str(SPAN))
         machine.until(lambda axis: axis["state"] == "moving")
         page.wait_for_timeout(1e3 * FILLED)
-        frames = list(_frames(lambda: page.screenshot(type="jpeg", quality=95)))
+        frames = _screencast(page)
         browser.close()
     return frames
 
 
-def _frames(shot: Callable[[], bytes]) -> list[Frame]:
+def _screencast(page: Page) -> list[Frame]:
+    """What the browser draws during `SHOWN` seconds: it sends the next picture when the last one is acknowledged."""
     frames: list[Frame] = []
-    while not frames or frames[-1].time < frames[0].time + SHOWN:
-        now = time.monotonic()
-        frames.append(Frame(Image.open(io.BytesIO(shot())), now))
-    return frames
+    session = page.context.new_cdp_session(page)
+
+    def keep(event: dict) -> None:
+        picture = Image.open(io.BytesIO(base64.b64decode(event["data"])))
+        frames.append(Frame(picture, event["metadata"]["timestamp"]))
+        session.send("Page.screencastFrameAck", {"sessionId": event["sessionId"]})
+
+    session.on("Page.screencastFrame", keep)
+    session.send("Page.startScreencast", {"format": "jpeg", "quality": 95, "maxWidth": WIDTH, "maxHeight": WIDTH})
+    page.wait_for_timeout(1e3 * SHOWN)
+    session.send("Page.stopScreencast")
+    return _thinned(sorted(frames, key=lambda frame: frame.time))  # they do not always come in order
+
+
+def _thinned(frames: list[Frame]) -> list[Frame]:
+    kept = frames[:1]
+    for frame in frames[1:]:
+        if frame.time >= kept[-1].time + INTERVAL:
+            kept.append(frame)
+    return kept
 
 
 def write(frames: list[Frame], path: Path) -> None:
