@@ -12,7 +12,6 @@ import itertools
 import shutil
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,14 +23,14 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.conftest import ROOT
 from tests.service.serving import Served, free_port, served
 
-MOTION = "{type: sine, amplitude: 10 mm, frequency: 0.5 Hz, periods: 30}"
+MOTION = "{type: sine, amplitude: 10 mm, frequency: 0.5 Hz, periods: 60}"
 SHOWN = 6.0  # s of motion: whole periods of it, so that the end meets the beginning
 SIZE = {"width": 1280, "height": 860}  # of the window, pixels
 WIDTH = 960  # of the pictures, pixels
 INTERVAL = 0.1  # s between two pictures at least: the file stays small
 SPAN = 5  # s that the curves show
 SETTLED = 10.0  # s until a started browser leaves the processor to the axis
-FILLED = SPAN + 2.0  # s of motion until they fill their plots
+FILLED = 65.0  # s of motion until they fill their plots, and the start has left the loop's last minute
 QUALITY = 60  # of WebP, 0 to 100: letters stay sharp
 
 
