@@ -1,9 +1,11 @@
 """Linear Gaussian models with priors: what the data say of the parameters, and how well the model explains them.
 
 A model is ``y = X p + e``, rows whitened (``e`` of unit variance), prior ``p ~ N(mean, precision^-1)``.  All that is
-needed of the data are the sums ``X'X``, ``X'y`` and ``y'y``.  The likelihood enters with a power `temper` in (0, 1]:
-below 1 where the rows are known to carry less than their number says (MacKay 2003, chapters 27 and 28; tempered
-likelihood: Gruenwald and van Ommen 2017).
+needed of the data are the sums ``X'X``, ``X'y`` and ``y'y``.  Where the rows are known to carry less than their number
+says, all three are multiplied by a power in (0, 1): a tempered likelihood.
+
+Sources: MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapters 27 and 28; P. Gruenwald and
+T. van Ommen, Bayesian Analysis 12(4), 2017.
 """
 
 from __future__ import annotations
@@ -24,10 +26,6 @@ class Sums(NamedTuple):
     gram: Matrix  # X'X, (n, n)
     right: Vector  # X'y, (n,)
     square: float | Vector  # y'y; (k,) of k left sides, with `right` (n, k)
-
-    def tempered(self, power: float) -> Sums:
-        """The same data with this power of their likelihood, in (0, 1]."""
-        return Sums(power * self.gram, power * self.right, power * self.square)
 
 
 class Prior(NamedTuple):

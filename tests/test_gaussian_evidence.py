@@ -48,10 +48,3 @@ def test_what_nothing_determines_is_refused() -> None:
     x[:, 0] = 0.0
     with pytest.raises(np.linalg.LinAlgError):
         posterior(_sums(x, y), independent(np.zeros(COLUMNS), np.full(COLUMNS, np.inf)))
-
-
-def test_a_tempered_record_counts_as_a_part_of_its_rows() -> None:
-    x, y, prior = _case(3)
-    twice = _sums(np.vstack([x, x]), np.concatenate([y, y]))
-    whole, half = posterior(_sums(x, y), prior), posterior(twice.tempered(0.5), prior)
-    assert half.mean == pytest.approx(whole.mean) and half.log_evidence == pytest.approx(whole.log_evidence)

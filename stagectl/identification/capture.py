@@ -31,7 +31,6 @@ class Refusal(enum.StrEnum):
     NOISE = "noise"  # more noise than acceleration
     NO_CAPTURE = "no capture"
     NO_EXCITATION = "no excitation"
-    NO_INERTIA = "no inertia"  # the estimate is not positive
     NO_REVERSAL = "no reversal"
     NO_SAME_SIGN = "no same sign"  # velocity and acceleration never have the same sign
     NO_STEADY_SPEED = "no steady speed"
