@@ -29,7 +29,7 @@ SIZE = {"width": 1280, "height": 860}  # of the window, pixels
 WIDTH = 960  # of the pictures, pixels
 INTERVAL = 0.1  # s between two pictures at least: the file stays small
 SPAN = 5  # s that the curves show
-SETTLED = 10.0  # s until a started browser leaves the processor to the axis
+SETTLED = 5.0  # s until a page that was opened leaves the processor to the axis
 FILLED = 65.0  # s of motion until they fill their plots, and the start has left the loop's last minute
 QUALITY = 60  # of WebP, 0 to 100: letters stay sharp
 
@@ -41,23 +41,18 @@ class Frame(NamedTuple):
     time: float
 
 
-def recorded(machine: Served, port: int) -> list[Frame]:
-    """The page of a moving axis for `SHOWN` seconds."""
+def recorded(page: Page, machine: Served, port: int) -> list[Frame]:
+    """The live page of a moving axis for `SHOWN` seconds."""
     key = (machine.folder / "state" / "key").read_text().strip()
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        page = browser.new_page(viewport=SIZE)
-        page.goto(f"http://127.0.0.1:{port}/#{key}")
-        machine.until(lambda axis: axis["state"] != "connecting")
-        page.wait_for_timeout(1e3 * SETTLED)
-        machine.ask("POST", "enable")
-        machine.ask("POST", "trajectory", yaml=MOTION, wait=False)
-        page.select_option("#strip-span", str(SPAN))
-        machine.until(lambda axis: axis["state"] == "moving")
-        page.wait_for_timeout(1e3 * FILLED)
-        frames = _screencast(page)
-        browser.close()
-    return frames
+    machine.until(lambda axis: axis["state"] != "connecting")
+    page.goto(f"http://127.0.0.1:{port}/#{key}")
+    page.wait_for_timeout(1e3 * SETTLED)
+    machine.ask("POST", "enable")
+    machine.ask("POST", "trajectory", yaml=MOTION, wait=False)
+    page.select_option("#strip-span", str(SPAN))
+    machine.until(lambda axis: axis["state"] == "moving")
+    page.wait_for_timeout(1e3 * FILLED)
+    return _screencast(page)
 
 
 def _screencast(page: Page) -> list[Frame]:
@@ -96,11 +91,12 @@ def main() -> None:
     """The command."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "live-page.webp"
     port = free_port()
-    with (
-        tempfile.TemporaryDirectory(prefix="stagectl-") as name,
-        served(Path(name), "--tcp", f"127.0.0.1:{port}") as machine,
-    ):
-        frames = recorded(machine, port)
+    with sync_playwright() as driver, tempfile.TemporaryDirectory(prefix="stagectl-") as name:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport=SIZE)  # a browser that starts takes the processor from a loop that runs
+        with served(Path(name), "--tcp", f"127.0.0.1:{port}") as machine:
+            frames = recorded(page, machine, port)
+        browser.close()
     write(frames, path)
     print(f"{path}: {len(frames) - 1} pictures, {path.stat().st_size / 1e3:.0f} kB")
 
