@@ -8,9 +8,10 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from stagectl.api.arguments import ArgumentError, PathLike
+from stagectl.api.checked import checked
 from stagectl.extras import require
 from stagectl.units import StageError
 
@@ -40,7 +41,9 @@ class Sheet(NamedTuple):
 
 
 class PrintedResult(ABC):
-    """Base of all results.  None of them prints or draws anything by itself."""
+    """Base of all results.  None of them prints or draws anything by itself.  `made_by` names what returns it."""
+
+    made_by: ClassVar[str]
 
     @abstractmethod
     def sheet(self) -> Sheet:
@@ -52,6 +55,14 @@ class PrintedResult(ABC):
 
         Raises MissingPackageError without pandas.
         """
+
+    if not TYPE_CHECKING:  # a type checker would take any name for one of ours
+
+        def __getattr__(self, name: str) -> Any:
+            """Say what there is, where there is nothing of this `name`."""
+            public = ", ".join(word for word in dir(type(self)) if not word.startswith("_"))
+            there = "" if name.startswith("_") else f": it has {public}"
+            raise AttributeError(f"{type(self).__name__} has no {name}{there}", name=name, obj=self)
 
     def __repr__(self) -> str:
         sheet = self.sheet()
@@ -76,6 +87,7 @@ class ReportedResult(PrintedResult):
     def page(self, command: str = "") -> Page:
         """The page with all figures; `command` is printed as what makes it again."""
 
+    @checked
     def save(self, path: PathLike) -> Path:
         """Write JSON (``.json``) or the page (``.html``).  Raises ArgumentError for another kind of file."""
         target = Path(path)

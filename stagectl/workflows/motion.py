@@ -25,7 +25,7 @@ from stagectl.gap.effects.library import left_out
 from stagectl.kernels.law import Setpoint
 from stagectl.plan import Plan, Start, plan
 from stagectl.recording.file_lock import sweep
-from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair
+from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, repair
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
 from stagectl.service.single_motion import Ended, Motion, Progress, move
@@ -105,6 +105,8 @@ def lay_out(
     layers = sorted(frozenset(setup.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)
     meta = {**about, "without": sorted(without), "layers": layers}
+    if recording is not None and not recording.is_dir():
+        check_name(recording)
     place = recording or unused(Path(commanded.name).stem, ".h5")
     motion = Motion(setup, laid_out, controller.law, meta, place, located=located if laid_out.effects else None)
     return motion if learned is None else _with_learned(motion, learned)
