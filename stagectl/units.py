@@ -219,11 +219,10 @@ def _unknown(unit: str, name: str, to: str) -> str:
     lower = {word.lower(): word for word in sorted(known)}
     near = "".join(parts[:1]) or lower.get(nearest(name.lower(), list(lower)), "")
     within = "" if name == unit else f", {name!r} in it"
-    words = f"unknown unit {unit!r}{within}"
     with contextlib.suppress(UnitError):
         factor(unit.replace(name, near or "?"), to)
-        words += f", perhaps {near}"
-    return words
+        within += f", perhaps {near}"
+    return f"unknown unit {unit!r}{within}"
 
 
 def _stranger(text: str) -> str:

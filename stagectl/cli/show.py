@@ -50,9 +50,19 @@ def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
         print(text, end="")
     elif target is not None:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
-        Path(target).write_text(text, encoding="utf-8")
+        _put(target, text, "w")
     if not good:
         raise typer.Exit(1)
+
+
+def _put(target: str, text: str, mode: str) -> None:
+    """Write `text`; on a full disk the system's error does not name the file."""
+    try:
+        with Path(target).open(mode, encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        error.filename = error.filename or target
+        raise
 
 
 def page_path(report: Path | None, name: str) -> Path | None:
@@ -123,15 +133,14 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     """What writes one line of JSON for each event of a verb that goes on: to the file `target`, ``-`` for output."""
     if target is not None and target != "-":
         Path(target).parent.mkdir(parents=True, exist_ok=True)
-        Path(target).write_text("", encoding="utf-8")
+        _put(target, "", "w")
 
     def write(event: dict[str, Any]) -> None:
         line = json.dumps(event, allow_nan=False)
         if target == "-":
             tell(line)
         elif target is not None:
-            with Path(target).open("a", encoding="utf-8") as file:
-                file.write(f"{line}\n")
+            _put(target, f"{line}\n", "a")
 
     return write
 
