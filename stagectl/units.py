@@ -229,7 +229,7 @@ def _stranger(text: str) -> str:
     """The first character that only looks like one of ours, by its code."""
     odd = next((letter for letter in text[:_LONGEST] if ord(letter) > 127 and letter not in "µμ°Ω‰·"), "")
     power = ", a power as in m^2" if odd and odd in "²³" else ""
-    return f": {odd} is U+{ord(odd):04X}, type it in ASCII{power}" if odd else ""
+    return f": U+{ord(odd):04X} in it, type it in ASCII{power}" if odd else ""
 
 
 def _product(scales: Iterable[tuple[float, int]]) -> float:

@@ -98,18 +98,18 @@ def test_a_value_is_the_double_nearest_to_what_stands_there(text: str, to: str, 
         ("", "", "not a number"),
         ("1 Nm", "N m", "unknown unit 'Nm', perhaps N m"),
         ("1 mm/sec", "m/s", "unknown unit 'mm/sec', 'sec' in it, perhaps second"),
-        ("1 m/s²", "m/s^2", "'m/s²' is not a unit: ² is U+00B2, type it in ASCII, a power as in m^2"),
-        ("−1 mm", "m", "not a number with a unit: − is U+2212, type it in ASCII"),
+        ("1 m/s²", "m/s^2", "'m/s²' is not a unit: U+00B2 in it, type it in ASCII, a power as in m^2"),
+        ("−1 mm", "m", "not a number with a unit: U+2212 in it, type it in ASCII"),
         ("fast", "m/s", "not a number with a unit"),
         ("nan", "", "not a number"),
         (".inf", "", "not a number"),
         ("1,5 mm", "m", "not a number with a unit; its decimals need a point"),
         ("1_000 mm", "m", "not a number with a unit"),
         ("0x10 m", "m", "'x10 m' is not a unit"),
-        ("１２ mm", "m", "not a number with a unit: １ is U+FF11, type it in ASCII"),  # full-width digits
-        ("١٢ mm", "m", "not a number with a unit: ١ is U+0661, type it in ASCII"),  # Arabic digits
-        ("12 ｍｍ", "m", "'ｍｍ' is not a unit: ｍ is U+FF4D, type it in ASCII"),
-        ("12 мм", "m", "'мм' is not a unit: м is U+043C, type it in ASCII"),  # Cyrillic
+        ("１２ mm", "m", "not a number with a unit: U+FF11 in it, type it in ASCII"),  # full-width digits
+        ("١٢ mm", "m", "not a number with a unit: U+0661 in it, type it in ASCII"),  # Arabic digits
+        ("12 ｍｍ", "m", "'ｍｍ' is not a unit: U+FF4D in it, type it in ASCII"),
+        ("12 мм", "m", "'мм' is not a unit: U+043C in it, type it in ASCII"),  # Cyrillic
         ("1 " + "m " * 50, "m", "not a number with a unit"),
     ],
 )

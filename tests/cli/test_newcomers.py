@@ -174,7 +174,7 @@ MISTAKES = [
     ("config check list.yaml", "list.yaml:1", 1),
     ("replay empty.h5", "empty.h5 is empty", 2),
     ("config check torque.yaml", "unknown unit 'Nm', perhaps N m", 1),
-    ("config check minus.yaml", "is U+2212, type it in ASCII", 1),
+    ("config check minus.yaml", "U+2212 in it, type it in ASCII", 1),
     ("config check link.yaml", "it is a link to gone.yaml, which is not there: see `ls -l link.yaml`", 2),
     ("config check conf/ball-screw.yaml", "did you mean config/ball-screw.yaml?", 2),
     ("config check config\\ball-screw.yaml", "did you mean config/ball-screw.yaml?", 2),
