@@ -30,6 +30,8 @@ def absent(path: Path) -> str:
     if str(path) == "-":
         return "standard input is not read here: write it to a file first, and give the file"
     meant, whole = _meant(path)
+    if not whole and Path(path.name).exists():  # named from another folder than the one that this is
+        meant, whole = Path(path.name), True
     return f"no such file or folder: {f'did you mean {meant}?' if whole else f'see `ls {meant}`'}"
 
 
@@ -53,6 +55,16 @@ def _names(folder: Path) -> list[str]:
         return [entry.name for entry in folder.iterdir()]
     except OSError:  # no folder, or not ours to read
         return []
+
+
+def write_text(path: Path, text: str, mode: str = "w") -> None:
+    """Write a text file; the system's error of a full disk does not name it, this one does."""
+    try:
+        with path.open(mode, encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
 
 
 def why_unread(cause: Exception) -> str:

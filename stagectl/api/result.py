@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from stagectl.api.arguments import ArgumentError, PathLike
 from stagectl.api.checked import checked
 from stagectl.extras import require
+from stagectl.problem import write_text
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ class ReportedResult(PrintedResult):
             from stagectl.report.page import write
 
             return write(self.page(), target)
-        target.write_text(json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        write_text(target, json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n")
         return target
 
 

@@ -17,6 +17,7 @@ from stagectl.api.arguments import progress as progress
 from stagectl.api.arguments import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
+from stagectl.problem import write_text
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -50,19 +51,9 @@ def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
         print(text, end="")
     elif target is not None:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
-        _put(target, text, "w")
+        write_text(Path(target), text)
     if not good:
         raise typer.Exit(1)
-
-
-def _put(target: str, text: str, mode: str) -> None:
-    """Write `text`; on a full disk the system's error does not name the file."""
-    try:
-        with Path(target).open(mode, encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        error.filename = error.filename or target
-        raise
 
 
 def page_path(report: Path | None, name: str) -> Path | None:
@@ -133,14 +124,14 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     """What writes one line of JSON for each event of a verb that goes on: to the file `target`, ``-`` for output."""
     if target is not None and target != "-":
         Path(target).parent.mkdir(parents=True, exist_ok=True)
-        _put(target, "", "w")
+        write_text(Path(target), "")
 
     def write(event: dict[str, Any]) -> None:
         line = json.dumps(event, allow_nan=False)
         if target == "-":
             tell(line)
         elif target is not None:
-            _put(target, f"{line}\n", "a")
+            write_text(Path(target), f"{line}\n", "a")
 
     return write
 

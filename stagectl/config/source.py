@@ -132,7 +132,8 @@ def _read(path: Path, largest: int) -> bytes:
         raise UnreadableError(_unreadable(path, f"cannot be read: {absent(path)}")) from error
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and error.errno != errno.ENAMETOOLONG:
-            raise UnreadableError(_unreadable(path, f"cannot be read: {why_unread(error)}")) from error
+            words = f"cannot be read: {why_unread(error)}; see `ls -ld {path}`"
+            raise UnreadableError(_unreadable(path, words)) from error
         reason = f"{reprlib.repr(str(path))} cannot be the path of a file: {why_unread(error)}"
         raise UnreadableError(f"{reason}; give a path, not the text of a file") from error
 

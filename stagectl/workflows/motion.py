@@ -39,7 +39,8 @@ def canopen(setup: Setup) -> Canopen:
     """The CANopen wire of the stage.  Raises DriveError where the stage has none."""
     wire = setup.file.drive.wire
     if not isinstance(wire, Canopen):
-        raise DriveError(f"drive.wire.kind of {setup.path} is not canopen: there is no bus to be on")
+        words = "this is for a drive on a CAN bus; `stagectl run` and `serve` take other drives, too"
+        raise DriveError(f"drive.wire.kind of {setup.path} is not canopen: {words}")
     if setup.stage.drive.delay_samples < 1:
         raise DriveError(
             f"drive.delay_samples = 0; over CAN the command acts from the next SYNC on, so it is at least 1: "
