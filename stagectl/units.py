@@ -213,14 +213,14 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def _unknown(unit: str, name: str, to: str) -> str:
-    """What to say of a `unit` in which `name` is unknown: ``Nm`` is two units, ``sec`` is like one; both fit `to`."""
+    """What to say of a `unit` in which `name` is unknown: ``Nm`` is two units, ``sec`` is like one."""
     known = {f"{prefix}{stem}" for stem in _NAMED for prefix in ("", *_PREFIXES) if len(prefix) < 2}
     parts = [f"{name[:at]} {name[at:]}" for at in range(1, len(name)) if {name[:at], name[at:]} <= known]
     lower = {word.lower(): word for word in sorted(known)}
     near = "".join(parts[:1]) or lower.get(nearest(name.lower(), list(lower)), "")
     within = "" if name == unit else f", {name!r} in it"
     with contextlib.suppress(UnitError):
-        factor(unit.replace(name, near or "?"), to)
+        factor(near or "?", to if name == unit else near)  # what stands alone must measure `to`
         within += f", perhaps {near}"
     return f"unknown unit {unit!r}{within}"
 
