@@ -105,6 +105,7 @@ contracts are in pyproject.toml and ``tools/check`` enforces them.
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ if not TYPE_CHECKING:  # a type checker would take any name for one of ours
     def __getattr__(name: str) -> Any:
         """The function of the API with this name, once it is asked for."""
         if name not in _MODULES:
-            raise AttributeError(f"module 'stagectl' has no attribute {name!r}")
+            raise AttributeError(f"module 'stagectl' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
         import importlib
 
         return getattr(importlib.import_module(f"stagectl.{_MODULES[name]}"), name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import enum
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -22,13 +23,48 @@ def nearest(word: str, known: Sequence[str]) -> str:
 
 def absent(path: Path) -> str:
     """What to say of a file that is not there: ``no such file or folder: did you mean config/ball-screw.yaml?``."""
-    folder = path.parent
     if path.is_dir():
         return f"it is a folder, and a file is expected here: choose one, see `ls {path}`"
-    if not folder.is_dir():
-        return f"no such file or folder: there is no folder {folder}"
-    near = nearest(path.name, [entry.name for entry in folder.iterdir()])
-    return f"no such file or folder: {f'did you mean {folder / near}?' if near else f'see `ls {folder}`'}"
+    if path.is_symlink():
+        return f"it is a link to {path.readlink()}, which is not there: see `ls -l {path}`"
+    if str(path) == "-":
+        return "standard input is not read here: write it to a file first, and give the file"
+    meant, whole = _meant(path)
+    if not whole and Path(path.name).exists():  # named from another folder than the one that this is
+        meant, whole = Path(path.name), True
+    return f"no such file or folder: {f'did you mean {meant}?' if whole else f'see `ls {meant}`'}"
+
+
+def _meant(path: Path) -> tuple[Path, bool]:
+    """What is there of a path, each name of it the nearest one; whether that is all of it.
+
+    A ``~`` that the shell left is the home folder; a backslash separates folders on Windows.
+    """
+    wanted = Path(os.path.expanduser(str(path).replace("\\", "/")))
+    there = Path(wanted.anchor)
+    for name in wanted.relative_to(wanted.anchor).parts:
+        near = name if os.path.lexists(there / name) else nearest(name, _names(there))
+        if not near:
+            return there, False
+        there /= near
+    return there, True
+
+
+def _names(folder: Path) -> list[str]:
+    try:
+        return [entry.name for entry in folder.iterdir()]
+    except OSError:  # no folder, or not ours to read
+        return []
+
+
+def write_text(path: Path, text: str, mode: str = "w") -> None:
+    """Write a text file; the system's error of a full disk does not name it, this one does."""
+    try:
+        with path.open(mode, encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
 
 
 def why_unread(cause: Exception) -> str:

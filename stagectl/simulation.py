@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,12 +116,12 @@ def _moved(
     dt, count = steps
     step = dt / count
     for _ in range(count):
-        force = float(friction_law(x.velocity, x.position + 0.5 * step * x.velocity, step))
-        if not np.isfinite(force):
+        force = friction_law(x.velocity, x.position + 0.5 * step * x.velocity, step)
+        if np.ndim(force) or not isinstance(force, SupportsFloat) or not np.isfinite(float(force)):
             raise StageError(
                 f"the friction law gives {force} at a velocity of {x.velocity:g} and a position of {x.position:g} "
                 "(SI, axis units); it must return a finite force"
             )
-        against = noise.current - force / p.motor.force_constant
+        against = noise.current - float(force) / p.motor.force_constant
         x = stage.drifted(p, x, stage.Noise(against, noise.position, noise.delay), step, 1)
     return x

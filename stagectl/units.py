@@ -11,6 +11,7 @@ rotary and a linear axis differ, the unit names both, rotary first.  The angle i
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 import re
@@ -19,7 +20,7 @@ from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, nearest
 
 ROTARY, LINEAR = "rotary", "linear"
 
@@ -96,6 +97,7 @@ _PREFIXES = {
     **dict.fromkeys(("micro", "u", "µ", "μ"), 1e-6),
     **dict.fromkeys(("nano", "n"), 1e-9),
     **dict.fromkeys(("milli", "m"), 1e-3),
+    **dict.fromkeys(("centi", "c"), 1e-2),  # a motor's data sheet gives its inertia in kg cm^2
     **dict.fromkeys(("kilo", "k"), 1e3),
     **dict.fromkeys(("mega", "M"), 1e6),
 }
@@ -145,7 +147,7 @@ def factor(unit: str, to: str) -> float:
     try:
         scales, bases = _expanded(ratio)
     except _UnknownUnitError as error:
-        raise UnitError(f"unknown unit {unit!r}") from error
+        raise UnitError(_unknown(unit, str(error), to)) from error
     if any(bases.values()):
         raise UnitError(f"{unit!r} does not measure {to or 'a pure number'}")
     value = _product(scales)
@@ -171,7 +173,7 @@ def _powers(unit: str) -> dict[str, int]:
     """Exponent of each name in `unit`, in the order of their appearance."""
     tidy = " ".join(unit.split())
     if len(tidy) > _LONGEST or (tidy and not _UNIT.fullmatch(tidy)):
-        raise UnitError(f"{unit[:_LONGEST]!r} is not a unit")
+        raise UnitError(f"{unit[:_LONGEST]!r} is not a unit{_stranger(unit)}")
     powers: dict[str, int] = {}
     for divided, name, exponent in _FACTOR.findall(tidy):
         powers[name] = powers.get(name, 0) + int(exponent or 1) * (-1 if divided else 1)
@@ -210,6 +212,26 @@ def _split(name: str) -> tuple[str, str]:
     raise _UnknownUnitError(name)
 
 
+def _unknown(unit: str, name: str, to: str) -> str:
+    """What to say of a `unit` in which `name` is unknown: ``Nm`` is two units, ``sec`` is like one."""
+    known = {f"{prefix}{stem}" for stem in _NAMED for prefix in ("", *_PREFIXES) if len(prefix) < 2}
+    parts = [f"{name[:at]} {name[at:]}" for at in range(1, len(name)) if {name[:at], name[at:]} <= known]
+    lower = {word.lower(): word for word in sorted(known)}
+    near = "".join(parts[:1]) or lower.get(nearest(name.lower(), list(lower)), "")
+    within = "" if name == unit else f", {name!r} in it"
+    with contextlib.suppress(UnitError):
+        factor(near or "?", to if name == unit else near)  # what stands alone must measure `to`
+        within += f", perhaps {near}"
+    return f"unknown unit {unit!r}{within}"
+
+
+def _stranger(text: str) -> str:
+    """The first character that only looks like one of ours, by its code."""
+    odd = next((letter for letter in text[:_LONGEST] if ord(letter) > 127 and letter not in "µμ°Ω‰·"), "")
+    power = ", a power as in m^2" if odd and odd in "²³" else ""
+    return f": U+{ord(odd):04X} in it, type it in ASCII{power}" if odd else ""
+
+
 def _product(scales: Iterable[tuple[float, int]]) -> float:
     """Powers of equal scales are added first: ``mm/mm`` is 1 exactly."""
     above: Counter[float] = Counter()
@@ -240,7 +262,8 @@ def parse(text: str, to: str) -> float:
     """
     match = _VALUE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     if match is None:
-        raise UnitError(Problem(f"not a number{' with a unit' if to else ''}", ProblemKind.VALUE))
+        comma = "; its decimals need a point" if re.match(r"\s*[+-]?[0-9]*,[0-9]", text) else _stranger(text)
+        raise UnitError(Problem(f"not a number{' with a unit' if to else ''}{comma}", ProblemKind.VALUE))
     number, unit = match[1], match[2].strip()
     if unit == "" and to != "":
         raise UnitError("the unit is missing")

@@ -81,6 +81,7 @@ def test_a_disk_that_becomes_full(tmp_path: Path, expected: Any) -> None:
     kept = len(recording.samples)
     assert (result["cycles"], result["fault"]) == (len(expected), "")  # the axis went its way
     assert 0 < kept < len(expected) and result["lost_rows"] == recording.lost_rows == len(expected) - kept
+    assert run.returncode == 1  # a script must not go on with it
     assert recording.complete and recording.gaps == ((kept, recording.lost_rows),)
     assert f"{recording.lost_rows} rows" in " ".join(err.split())
     for column in COLUMNS:

@@ -85,7 +85,7 @@ def test_a_value_is_the_double_nearest_to_what_stands_there(text: str, to: str, 
         ("1 N m", "N m/rad", "'N m' does not measure N m/rad"),  # the angle is a dimension
         ("1 rad", "", "'rad' does not measure a pure number"),
         ("1 N m", "N", "'N m' does not measure N"),
-        ("1 MM", "m", "unknown unit 'MM'"),
+        ("1 MM", "m", "unknown unit 'MM', perhaps mm"),
         ("1 parsec", "m", "unknown unit 'parsec'"),
         ("1 m^99999", "m", "'m^99999' is not a unit"),
         ("1 m**-10", "m", "'m**-10' is not a unit"),
@@ -96,16 +96,20 @@ def test_a_value_is_the_double_nearest_to_what_stands_there(text: str, to: str, 
         ("1e308 Mm", "m", "too large for a number"),
         ("", "m", "not a number with a unit"),
         ("", "", "not a number"),
+        ("1 Nm", "N m", "unknown unit 'Nm', perhaps N m"),
+        ("1 mm/sec", "m/s", "unknown unit 'mm/sec', 'sec' in it, perhaps second"),
+        ("1 m/s²", "m/s^2", "'m/s²' is not a unit: U+00B2 in it, type it in ASCII, a power as in m^2"),
+        ("−1 mm", "m", "not a number with a unit: U+2212 in it, type it in ASCII"),
         ("fast", "m/s", "not a number with a unit"),
         ("nan", "", "not a number"),
         (".inf", "", "not a number"),
-        ("1,5 mm", "m", "not a number with a unit"),
+        ("1,5 mm", "m", "not a number with a unit; its decimals need a point"),
         ("1_000 mm", "m", "not a number with a unit"),
         ("0x10 m", "m", "'x10 m' is not a unit"),
-        ("１２ mm", "m", "not a number with a unit"),  # full-width digits
-        ("١٢ mm", "m", "not a number with a unit"),  # Arabic digits
-        ("12 ｍｍ", "m", "'ｍｍ' is not a unit"),
-        ("12 мм", "m", "'мм' is not a unit"),  # Cyrillic
+        ("１２ mm", "m", "not a number with a unit: U+FF11 in it, type it in ASCII"),  # full-width digits
+        ("١٢ mm", "m", "not a number with a unit: U+0661 in it, type it in ASCII"),  # Arabic digits
+        ("12 ｍｍ", "m", "'ｍｍ' is not a unit: U+FF4D in it, type it in ASCII"),
+        ("12 мм", "m", "'мм' is not a unit: U+043C in it, type it in ASCII"),  # Cyrillic
         ("1 " + "m " * 50, "m", "not a number with a unit"),
     ],
 )

@@ -20,6 +20,7 @@ DEFINITIONS = """
 micro- = 1e-6 = u- = µ- = μ-
 nano- = 1e-9 = n-
 milli- = 1e-3 = m-
+centi- = 1e-2 = c-
 kilo- = 1e3 = k-
 mega- = 1e6 = M-
 metre = [length] = m
@@ -45,7 +46,7 @@ percent = 0.01 = %
 permille = 0.001 = ‰
 """
 ATOMS = ("m", "s", "g", "A", "rad", "min", "h", "rev", "deg", "arcsec", "Hz", "N", "V", "Ohm", "metre", "newton")
-PREFIXES = ("", "u", "n", "m", "k", "M", "micro", "kilo")
+PREFIXES = ("", "u", "n", "m", "c", "k", "M", "micro", "kilo")
 SI = ("m", "s", "kg", "A", "rad", "N", "N m", "N m/A", "V", "Hz", "rad/s", "m/s^2", "kg m^2", "N m s/rad", "bit/s", "")
 
 

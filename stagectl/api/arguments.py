@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Annotated, TypeVar, overload
 
 from stagectl.problem import nearest
 from stagectl.units import Quantity, StageError, UnitError, parse, unit_in
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 LAYERS = ("ptc", "friction", "effects", "observer")  # that can be switched off
 PathLike = str | os.PathLike[str]
+Count = Annotated[int, Quantity("", "[1, inf)", "how many")]
+Step = Annotated[float, Quantity("s", "(0, inf)", "time from one row to the next")]
+Value = TypeVar("Value")
 
 
 class ArgumentError(StageError):
@@ -56,7 +59,7 @@ def quantity(name: str, value: float | str | None, declared: Quantity, example: 
     return number
 
 
-def switched_off(without: Iterable[str], compensator: str = "model") -> frozenset[str]:
+def switched_off(without: str | Iterable[str], compensator: str = "model") -> frozenset[str]:
     """The layers and effects that are switched off; the `compensator` that acts is the layer ``friction``.
 
     Raises ArgumentError where there is no such layer, or a compensator does not act.
@@ -75,20 +78,17 @@ def switched_off(without: Iterable[str], compensator: str = "model") -> frozense
     return frozenset("friction" if name == compensator else name for name in names)
 
 
-def path_of(name: str, value: object, wanted: str) -> Path:
-    """`value` as a path; `wanted` says what the argument `name` takes.
-
-    Raises ArgumentError where it is no path.
-    """
-    if isinstance(value, str | os.PathLike):
-        return Path(value)
-    raise ArgumentError(name, f"of type {type(value).__name__}", f"; must be {wanted}")
+def paths_of(places: PathLike | Sequence[PathLike]) -> list[Path]:
+    """One path or several as a list."""
+    return [Path(places)] if isinstance(places, str | os.PathLike) else [Path(place) for place in places]
 
 
-def paths_of(name: str, places: object, wanted: str) -> list[Path]:
-    """One path or several as a list; raises as `path_of` does."""
-    several = places if isinstance(places, Sequence) and not isinstance(places, str) else [places]
-    return [path_of(name, place, wanted) for place in several]
+def entry(name: str, word: str, known: Mapping[str, Value]) -> Value:
+    """What `known` holds under a `word`.  Raises ArgumentError with the nearest of its words, or all."""
+    if word in known:
+        return known[word]
+    near = nearest(word, list(known))
+    raise ArgumentError(name, word, f": did you mean {near}?" if near else f"; must be one of {', '.join(known)}")
 
 
 ProgressOption = bool | Callable[[float, float], object]  # True: a bar; a function of (steps done, steps in all)

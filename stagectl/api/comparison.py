@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stagectl.api.arguments import ArgumentError, PathLike, ProgressOption, Say, paths_of, reported
+from stagectl.api.arguments import ArgumentError, Count, PathLike, ProgressOption, Say, entry, paths_of, reported
+from stagectl.api.checked import checked
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
@@ -44,7 +45,8 @@ class LayerComparison(ReportedResult):
 
     def __getitem__(self, variant: str) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Peak tracking error (m or rad) of each repeat of a variant, (n,)."""
-        return np.array(next(row for row in self.result["variants"] if row["name"] == variant)["peak"]["values"])
+        rows = {row["name"]: row["peak"]["values"] for row in self.result["variants"]}
+        return np.array(entry("variant", variant, rows))
 
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""
@@ -86,15 +88,16 @@ class LayerComparison(ReportedResult):
         return page(self.result, [command])
 
 
+@checked
 def compare(
     stage: StageLike,
     trajectory: TrajectoryLike,
     *variants: str,
     simulate: bool = True,
-    repeats: int = 5,
+    repeats: Count = 5,
     plant: StageLike | None = None,
     learned: PathLike | Sequence[PathLike] = (),
-    trials: int = 8,
+    trials: Count = 8,
     seed: int = 1,
     folder: PathLike | None = None,
     progress: ProgressOption = False,
@@ -110,16 +113,11 @@ def compare(
 
     Raises TrialError where the variants are wrong or a run is stopped, ArgumentError for a plant next to a drive.
     """
-    for variant in variants:
-        if not isinstance(variant, str):
-            raise ArgumentError("variant", variant, '; must be text, each variant by itself: "off", "ptc+friction"')
     machine, source = machine_of(stage, simulate, plant), as_trajectory(trajectory)
     place = unused(f"compare-{source.name}") if folder is None else Path(folder)
     shown = Shown(say or (lambda _: None), partial(reported, progress))
     motions = layer_comparison.laid_out(machine.setup, source.bound(machine.setup), variants, place)
-    courses = layer_comparison.learn_missing(
-        machine, motions, paths_of("learned", learned, "paths of learned currents"), trials, shown
-    )
+    courses = layer_comparison.learn_missing(machine, motions, paths_of(learned), trials, shown)
     result = layer_comparison.compare(machine, motions, (repeats, seed), shown, place)
     notes = layer_comparison.course_words(courses)
     return LayerComparison(result | {"simulated": simulate, "seed": seed, "learned": courses, "notes": notes}, place)

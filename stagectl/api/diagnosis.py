@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from stagectl.api.arguments import PathLike, ProgressOption, paths_of, reported
+from stagectl.api.checked import checked
 from stagectl.api.record import named_columns
 from stagectl.api.result import ReportedResult, Sheet, drawn, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
@@ -135,6 +136,7 @@ class GapDiagnosis(ReportedResult):
 
         return page(self.diagnosis, str(self.place), [command] if command else [], str(folder or self.place))
 
+    @checked
     def patch(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> patch.Patch:
         """The change of the stage file, with its `diff` and why each line changes; nothing is written.
 
@@ -144,6 +146,7 @@ class GapDiagnosis(ReportedResult):
         target = as_stage(stage)
         return patch.patch_of(self.diagnosis, target.path, only, unknown, target.text)
 
+    @checked
     def apply(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> DesignedStage:
         """The stage with what was found, in memory; see `patch`.
 
@@ -159,6 +162,7 @@ class GapDiagnosis(ReportedResult):
         write_predictions(self.session, self.improved, Path(folder))
 
 
+@checked
 def diagnose(
     session: PathLike | Sequence[PathLike],
     *,
@@ -180,7 +184,7 @@ def diagnose(
 
     Raises GapError where the logs cannot be diagnosed, RecordingError where they cannot be read.
     """
-    places = paths_of("session", session, "a folder of captures, or paths of logs")
+    places = paths_of(session)
     options = pipeline.Options(excluded(list(exclude)), full, advice)
     said = _described(named_columns(columns), model)
     logs = load_session.load(places, None if stage is None else as_stage(stage).setup, said)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stagectl.api.arguments import PathLike, ProgressOption, paths_of, quantity, reported
+from stagectl.api.arguments import PathLike, ProgressOption, entry, quantity, reported
+from stagectl.api.checked import checked
 from stagectl.api.record import MotionRecord, RecordFolder, named_columns
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
@@ -52,7 +53,7 @@ class IdentifiedModel(ReportedResult):
         return self.estimate.parameters
 
     def __getitem__(self, name: str) -> Parameter:
-        return self.estimate.parameters[name]
+        return entry("parameter", name, self.estimate.parameters)
 
     @property
     def changes(self) -> Mapping[str, Any]:
@@ -105,6 +106,7 @@ class IdentifiedModel(ReportedResult):
 
         return page(self.to_json(), (self.estimate, self.captures, self.stage.setup), command)
 
+    @checked
     def apply(self, stage: StageLike | None = None, *, doubtful: bool = False) -> DesignedStage:
         """The stage, or the file at a path, with these parameters, in memory.
 
@@ -115,6 +117,7 @@ class IdentifiedModel(ReportedResult):
         self._check(target.path, doubtful)
         return target.changed(self.changes)
 
+    @checked
     def write(self, path: PathLike, *, doubtful: bool = False) -> list[Change]:
         """Patch the stage file at `path`, or a copy of this stage's where there is none; comments stay.
 
@@ -135,6 +138,7 @@ class IdentifiedModel(ReportedResult):
             )
 
 
+@checked
 def identify(
     stage: StageLike,
     data: DataLike | Sequence[DataLike],
@@ -181,4 +185,4 @@ def _recordings(
         return [data.recording]
     if isinstance(data, Sequence) and not isinstance(data, str):
         return [recording for part in data for recording in _recordings(part, stage, columns)]
-    return captures.opened(paths_of("data", data, "a run, a log, or paths of them"), stage.setup, columns)
+    return captures.opened([Path(data)], stage.setup, columns)

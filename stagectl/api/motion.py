@@ -7,26 +7,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stagectl.api.arguments import PathLike, ProgressOption, Say, reported, switched_off
+from stagectl.api.checked import checked
 from stagectl.api.record import MotionRecord
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
 from stagectl.recording.hdf5 import open_recording
+from stagectl.simulation import FrictionLaw
 from stagectl.workflows import motion as workflow
 from stagectl.workflows import simulated_motion
 
 if TYPE_CHECKING:
     from stagectl.config.stage_file import Setup
     from stagectl.service.single_motion import Motion
-    from stagectl.simulation import FrictionLaw
 
 
+@checked
 def simulate(
     stage: StageLike,
     trajectory: TrajectoryLike,
     *,
     plant: StageLike | None = None,
     seed: int | None = None,
-    without: Iterable[str] = (),
+    without: str | Iterable[str] = (),
     learned: PathLike | None = None,
     friction: FrictionLaw | None = None,
 ) -> MotionRecord:
@@ -49,12 +51,13 @@ def simulate(
     return MotionRecord(recording, simulated_motion.simulated_result(motion, recording))
 
 
+@checked
 def run(
     stage: StageLike,
     trajectory: TrajectoryLike,
     *,
     recording: PathLike | None = None,
-    without: Iterable[str] = (),
+    without: str | Iterable[str] = (),
     learned: PathLike | None = None,
     twin: bool = False,
     twin_record: PathLike | None = None,

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.api.arguments import PathLike, path_of
+from stagectl.api.arguments import PathLike
+from stagectl.api.checked import checked
 from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.evaluation import evaluate, tracking_error
@@ -34,6 +35,8 @@ class MotionRecord(PrintedResult):
     `summary` is what the run achieved, as ``--json`` writes it; empty for a log that holds too little.  `notes` is what
     was said while it ran.
     """
+
+    made_by: ClassVar[str] = "simulate, run or load_log"
 
     recording: Recording
     summary: dict[str, Any] = field(default_factory=dict)
@@ -107,6 +110,7 @@ class MotionRecord(PrintedResult):
 
         return detached(figure(self.recording))
 
+    @checked
     def save(self, path: PathLike | None = None) -> Path:
         """Write a recording (``.h5``), or export it as ``.csv``, ``.parquet``, ``.mat`` or ``.mcap``.
 
@@ -129,6 +133,8 @@ class MotionRecord(PrintedResult):
 
 class RecordFolder(Sequence[MotionRecord], PrintedResult):
     """The records of a folder, in their order."""
+
+    made_by: ClassVar[str] = "simulate, run or load_log"
 
     def __init__(self, records: Sequence[MotionRecord]) -> None:
         self.records = tuple(records)
@@ -155,6 +161,7 @@ class RecordFolder(Sequence[MotionRecord], PrintedResult):
         return frame(columns, {})
 
 
+@checked
 def load_log(
     path: PathLike, columns: Mapping[str, str] | str | None = None, stage: StageLike | None = None
 ) -> MotionRecord | RecordFolder:
@@ -165,7 +172,7 @@ def load_log(
 
     Raises RecordingError with file, row and reason.
     """
-    place = path_of("log", path, "the path of a recording or log")
+    place = Path(path)
     setup = None if stage is None else as_stage(stage).setup
     if place.suffix == ".h5":
         return record_of(open_recording(place))

@@ -8,10 +8,12 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from stagectl.api.arguments import ArgumentError, PathLike
+from stagectl.api.checked import checked
 from stagectl.extras import require
+from stagectl.problem import write_text
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -40,7 +42,9 @@ class Sheet(NamedTuple):
 
 
 class PrintedResult(ABC):
-    """Base of all results.  None of them prints or draws anything by itself."""
+    """Base of all results.  None of them prints or draws anything by itself.  `made_by` names what returns it."""
+
+    made_by: ClassVar[str]
 
     @abstractmethod
     def sheet(self) -> Sheet:
@@ -52,6 +56,14 @@ class PrintedResult(ABC):
 
         Raises MissingPackageError without pandas.
         """
+
+    if not TYPE_CHECKING:  # a type checker would take any name for one of ours
+
+        def __getattr__(self, name: str) -> Any:
+            """Say what there is, where there is nothing of this `name`."""
+            public = ", ".join(word for word in dir(type(self)) if not word.startswith("_"))
+            there = "" if name.startswith("_") else f": it has {public}"
+            raise AttributeError(f"{type(self).__name__} has no {name}{there}", name=name, obj=self)
 
     def __repr__(self) -> str:
         sheet = self.sheet()
@@ -76,6 +88,7 @@ class ReportedResult(PrintedResult):
     def page(self, command: str = "") -> Page:
         """The page with all figures; `command` is printed as what makes it again."""
 
+    @checked
     def save(self, path: PathLike) -> Path:
         """Write JSON (``.json``) or the page (``.html``).  Raises ArgumentError for another kind of file."""
         target = Path(path)
@@ -87,7 +100,7 @@ class ReportedResult(PrintedResult):
             from stagectl.report.page import write
 
             return write(self.page(), target)
-        target.write_text(json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        write_text(target, json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n")
         return target
 
 

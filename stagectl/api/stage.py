@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from stagectl.api.arguments import PathLike, path_of
+from stagectl.api.arguments import PathLike
+from stagectl.api.checked import checked
 from stagectl.api.result import PrintedResult, Sheet, gains_frame
 from stagectl.compensation.forms import name_of
 from stagectl.config import stage_file
@@ -31,6 +32,8 @@ class DesignedStage(PrintedResult):
 
     `setup` is what the rest of the package takes; `changes` is what an `apply` has changed, compared with the file.
     """
+
+    made_by: ClassVar[str] = "load_stage"
 
     setup: stage_file.Setup
     changes: tuple[Change, ...] = ()
@@ -111,6 +114,7 @@ class DesignedStage(PrintedResult):
 
         return detached(report.bode(judged_loops(self.setup.stage, self.setup.file.control), self.loop))
 
+    @checked
     def changed(self, values: Mapping[str, Any]) -> DesignedStage:
         """The stage with values by dotted name, in memory: ``{"mechanics.inertia": 0.0102}``.
 
@@ -127,12 +131,14 @@ class DesignedStage(PrintedResult):
         check_values(setup.file, values)
         return DesignedStage(setup, (*self.changes, *patch.changes))
 
+    @checked
     def on_channel(self, channel: str | None) -> DesignedStage:
         """The stage on another channel of its bus.  Raises DriveError where it is on no CAN bus."""
         from stagectl.workflows.motion import on_channel
 
         return DesignedStage(on_channel(self.setup, channel), self.changes)
 
+    @checked
     def save(self, path: PathLike) -> DesignedStage:
         """Write the stage file, and return the stage that it holds.
 
@@ -147,6 +153,7 @@ class DesignedStage(PrintedResult):
 StageLike = DesignedStage | PathLike
 
 
+@checked
 def load_stage(path: PathLike, *, judged: bool = True) -> DesignedStage:
     """Read a stage file, or one axis of it (``xy.yaml#x``), and design its controller.
 
@@ -154,7 +161,7 @@ def load_stage(path: PathLike, *, judged: bool = True) -> DesignedStage:
 
     Raises ConfigError with every error of the file, DesignError where the phase margin is too small.
     """
-    return DesignedStage(stage_file.load_stage(path_of("stage", path, "a path, or what load_stage returned"), judged))
+    return DesignedStage(stage_file.load_stage(Path(path), judged))
 
 
 def as_stage(stage: StageLike) -> DesignedStage:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stagectl.api.arguments import ArgumentError, PathLike, path_of
+from stagectl.api.arguments import ArgumentError, PathLike, Step
+from stagectl.api.checked import checked
 from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage
 from stagectl.config import trajectory_file
@@ -32,6 +33,8 @@ class TrajectorySource(PrintedResult):
     `text` is the file's content, or the samples as CSV; `stage` is the stage it was loaded for, if any.
     """
 
+    made_by: ClassVar[str] = "load_trajectory"
+
     path: Path
     text: str
     samples: Recorded | None = None
@@ -52,6 +55,7 @@ class TrajectorySource(PrintedResult):
         experiment = trajectory_file.load_trajectory(self.path, axis_of(setup), self.text)
         return Commanded(self.path.name, self.text, experiment)
 
+    @checked
     def duration(self, stage: DesignedStage) -> float:
         """How long it takes on this stage (s)."""
         return phases(self.bound(stage.setup).experiment).duration
@@ -82,7 +86,8 @@ class TrajectorySource(PrintedResult):
     def _unit(self) -> str:
         return "m" if self.stage is None else self.stage.setup.file.axis.travel_unit
 
-    def to_arrays(self, dt: float = 1e-3) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
+    @checked
+    def to_arrays(self, dt: Step = 1e-3) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
         """Time (s), position (m of travel, or rad) and injected current (A) every `dt` (s), all (n,).
 
         Raises ArgumentError where the axis is not known yet, TrajectoryError where the axis is let go.
@@ -112,6 +117,7 @@ class TrajectorySource(PrintedResult):
 TrajectoryLike = TrajectorySource | PathLike | tuple[ArrayLike, ArrayLike]
 
 
+@checked
 def load_trajectory(
     source: PathLike | tuple[ArrayLike, ArrayLike], stage: DesignedStage | None = None
 ) -> TrajectorySource:
@@ -124,7 +130,7 @@ def load_trajectory(
     """
     if isinstance(source, tuple):
         return TrajectorySource(Path("samples.csv"), *_sampled(*source), stage)
-    path = path_of("trajectory", source, "a path, or a tuple (time, position)")
+    path = Path(source)
     read = TrajectorySource(path, read_text(path), None, stage)
     if stage is not None:
         read.bound(stage.setup)
@@ -133,7 +139,10 @@ def load_trajectory(
 
 def _sampled(time: ArrayLike, position: ArrayLike) -> tuple[str, Recorded]:
     """The samples as CSV text and as a trajectory."""
-    columns = [np.asarray(values, dtype=np.float64) for values in (time, position)]
+    try:
+        columns = [np.asarray(values, dtype=np.float64) for values in (time, position)]
+    except (TypeError, ValueError) as error:
+        raise ArgumentError("source", "", f"holds what is no number: {error}; must be (time, position)") from error
     if columns[0].shape != columns[1].shape or columns[0].ndim != 1:
         shapes = " and ".join(str(column.shape) for column in columns)
         raise ArgumentError("source", f"of shapes {shapes}", "; time and position must both be (n,)")

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from stagectl.api.arguments import PathLike, quantity
+from stagectl.api.checked import checked
 from stagectl.api.result import ReportedResult, Sheet, drawn, gains_frame
-from stagectl.api.stage import DesignedStage, StageLike, load_stage
+from stagectl.api.stage import DesignedStage, StageLike, as_stage, load_stage
 from stagectl.config.patch import Change, write
 from stagectl.extras import require
 from stagectl.tuning import constants, families, sheet
@@ -81,11 +82,13 @@ class TunedGains(ReportedResult):
 
         return page(self.stage.setup, self.tuned, command)
 
-    def apply(self, stage: DesignedStage | None = None) -> DesignedStage:
+    @checked
+    def apply(self, stage: StageLike | None = None) -> DesignedStage:
         """The stage with these gains, in memory.  Raises DesignError where the loop would be refused."""
-        target = self.stage if stage is None else stage
+        target = self.stage if stage is None else as_stage(stage)
         return target.changed(self._changes(families.law_of(target.setup.file.control)))
 
+    @checked
     def write(self, path: PathLike) -> list[Change]:
         """Patch the stage file at `path`, or a copy of this stage's where there is none; comments stay.
 
@@ -108,6 +111,7 @@ class TunedGains(ReportedResult):
         return {"control": {"law": law, **chosen, **stated}}
 
 
+@checked
 def tune(
     stage: StageLike,
     bandwidth: float | str | None = None,

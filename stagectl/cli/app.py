@@ -245,7 +245,8 @@ def _with_next(error: StageError) -> str:
     file = problem.file if isinstance(error, ConfigError) and problem.line else None
     if file is None or file.suffix not in (".yaml", ".yml"):
         return f"{error.problems[0]}{_OTHER_FILE}" if file else str(error)
-    if kind := configuration.kind(file):
+    exchanged = any(one.reason.startswith("belongs to a ") for one in error.problems)  # else it is wrong on this axis
+    if exchanged and (kind := configuration.kind(file)):
         other = "stage" if kind == "trajectory" else "trajectory"
         words = f"{file} is a valid {kind} file, but a {other} file is expected here"
         return f"{words}: the stage file comes first; see --help"

@@ -40,9 +40,9 @@ def _check(path: Path) -> dict[str, Any]:
         known = {str(axis): _known(axis) for axis in axes_of(path)}
         for axis, axis_file in known.items():
             console.print(Text.assemble(("good", "green"), f"  {axis}: {axis_file.words}"))
-            if axis_file.warning:
-                console.print(Text.assemble(("warning:", "bold yellow"), f" {axis}: {axis_file.warning}"))
-        warnings = [axis_file.warning for axis_file in known.values() if axis_file.warning]
+            for warning in axis_file.warnings:
+                console.print(Text.assemble(("warning:", "bold yellow"), f" {axis}: {warning}"))
+        warnings = [warning for axis_file in known.values() for warning in axis_file.warnings]
         words = "; ".join(axis_file.words for axis_file in known.values())
         return {"code": 0, "words": words, "warnings": warnings, "errors": []}
     except StageError as error:
@@ -64,7 +64,7 @@ class _Known(NamedTuple):
     """What a valid file says."""
 
     words: str
-    warning: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 def _known(path: Path) -> _Known:
@@ -87,6 +87,7 @@ def _known(path: Path) -> _Known:
 def _stage(path: Path) -> _Known:
     from stagectl import design
     from stagectl.config.stage_file import load_stage
+    from stagectl.config.time_outs import stops_beyond
 
     setup = load_stage(path)
     control = setup.file.control
@@ -97,7 +98,7 @@ def _stage(path: Path) -> _Known:
         f"{math.degrees(reached.phase):.1f} deg, gain margin {20 * math.log10(reached.gain):.1f} dB, "
         f"crossover {reached.crossover:.1f} Hz{', with the observer' if 'observer' in control.layers else ''} "
         f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples})",
-        design.limit_cycle_warning(setup.stage, control),
+        tuple(filter(None, (design.limit_cycle_warning(setup.stage, control), stops_beyond(setup.file)))),
     )
 
 

@@ -124,7 +124,7 @@ def run(
     console.print(f"recorded: {result['recording']}")
     if result["fault"]:
         console.print(f"next, once that is fixed: {typed()}")
-    emit(result, json, result["in_position"])
+    emit(result, json, result["in_position"] and not result["lost_rows"])  # half a recording must not pass for one
 
 
 def simulate(

@@ -14,7 +14,7 @@ from stagectl.cli.motion import Channel, Json, Lines
 from stagectl.cli.show import console, emit, message_event, stream, without_compiler
 from stagectl.extras import require
 from stagectl.service import shutdown_signals
-from stagectl.units import StageError
+from stagectl.units import StageError, pairs
 
 Socket = Annotated[
     Path | None,
@@ -179,7 +179,8 @@ def parameters(
     Example: stagectl parameters bandwidth="30 Hz"
     """
     if changes:
-        body = {"control": dict(_named(text) for text in changes), "axis": axis}
+        named = pairs("parameters", ",".join(changes), "NAME=VALUE", "bandwidth='30 Hz'")
+        body = {"control": named, "axis": axis}
         ask_service(socket, "PATCH", "/v1/parameters", body)
     result = ask_service(socket, "GET", "/v1/parameters")
     for name, values in result.items():

@@ -17,6 +17,7 @@ from stagectl.api.arguments import progress as progress
 from stagectl.api.arguments import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
+from stagectl.problem import write_text
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -50,7 +51,7 @@ def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
         print(text, end="")
     elif target is not None:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
-        Path(target).write_text(text, encoding="utf-8")
+        write_text(Path(target), text)
     if not good:
         raise typer.Exit(1)
 
@@ -123,15 +124,14 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     """What writes one line of JSON for each event of a verb that goes on: to the file `target`, ``-`` for output."""
     if target is not None and target != "-":
         Path(target).parent.mkdir(parents=True, exist_ok=True)
-        Path(target).write_text("", encoding="utf-8")
+        write_text(Path(target), "")
 
     def write(event: dict[str, Any]) -> None:
         line = json.dumps(event, allow_nan=False)
         if target == "-":
             tell(line)
         elif target is not None:
-            with Path(target).open("a", encoding="utf-8") as file:
-                file.write(f"{line}\n")
+            write_text(Path(target), f"{line}\n", "a")
 
     return write
 

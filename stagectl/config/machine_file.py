@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ AXES, COUPLED = "axes", "coupled"
 def split(path: Path) -> tuple[Path, str]:
     """The file, and the name of the axis in it; empty where the file describes one axis only."""
     name, _, axis = path.name.partition("#")
-    return (path.with_name(name), axis) if name and axis and not path.exists() else (path, "")
+    return (path.with_name(name), axis) if name and axis and not os.path.exists(path) else (path, "")
 
 
 def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | None = None) -> Any:

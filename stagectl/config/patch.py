@@ -14,6 +14,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -101,7 +102,12 @@ def in_si(text: str, values: Mapping[str, Any], lengths: Lengths) -> dict[str, A
     root, numbers = yaml_edit.root_of(text), dict(values)
     for name, value in values.items():
         hint = hint_at(StageFile, name, root)
-        if isinstance(value, str) and plain(without_none(hint)) is float:
+        number = plain(without_none(hint)) is float
+        if number and not isinstance(value, str | Real):
+            unit = lengths.unit_of(quantity_of(hint))
+            reason = "must be a single value: a number in SI, or text with its unit"
+            raise ConfigError(Problem(reason, ProblemKind.SHAPE, name, repr(value), unit))
+        if isinstance(value, str) and number:
             unit = lengths.unit_of(quantity_of(hint))
             try:
                 numbers[name] = lengths.number(value, unit)

@@ -5,7 +5,9 @@ Only nodes are composed, never objects: no tag of a file can make Python do anyt
 
 from __future__ import annotations
 
+import errno
 import re
+import reprlib
 import stat
 from itertools import accumulate
 from pathlib import Path
@@ -13,7 +15,7 @@ from pathlib import Path
 import yaml
 
 from stagectl.config.bounds import DEEPEST_BRACKETS, LARGEST_FILE, MOST_PROBLEMS
-from stagectl.problem import Problem, ProblemKind, absent
+from stagectl.problem import Problem, ProblemKind, absent, why_unread
 from stagectl.units import StageError
 
 _HIDDEN = re.compile("[\x85\u2028\u2029]")  # YAML 1.1 breaks lines there, no editor shows it
@@ -128,10 +130,12 @@ def _read(path: Path, largest: int) -> bytes:
             return file.read(largest + 1)
     except FileNotFoundError as error:
         raise UnreadableError(_unreadable(path, f"cannot be read: {absent(path)}")) from error
-    except OSError as error:
-        raise UnreadableError(_unreadable(path, f"cannot be read: {error.strerror}")) from error
-    except ValueError as error:
-        raise UnreadableError(f"{str(path)!r} cannot be the path of a file: {error}") from error
+    except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno != errno.ENAMETOOLONG:
+            words = f"cannot be read: {why_unread(error)}; see `ls -ld {path}`"
+            raise UnreadableError(_unreadable(path, words)) from error
+        reason = f"{reprlib.repr(str(path))} cannot be the path of a file: {why_unread(error)}"
+        raise UnreadableError(f"{reason}; give a path, not the text of a file") from error
 
 
 def _unreadable(path: Path, reason: str) -> Problem:

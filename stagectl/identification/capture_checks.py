@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import signal
@@ -79,6 +79,7 @@ def suspicions(capture: Capture, setup: Setup) -> list[Note]:
         ]
     motion = _motion(capture)
     doubts = [*_beyond_limits(capture, motion, setup), *_flat(capture, setup), *_frozen(capture, setup)]
+    doubts += _swapped(capture)
     mistake = likely_mistake(motion, setup)
     if mistake is not None:
         advice = TURN if mistake.current < 0.0 else ADVICE
@@ -92,15 +93,10 @@ def suspicions(capture: Capture, setup: Setup) -> list[Note]:
 def remarks(capture: Capture) -> list[Note]:
     """What is doubtful, but may well be right."""
     step, coarse = capture.encoder_step, _position_step(capture.position)
-    if step > 0.0 and coarse > thresholds.COARSE_STEPS * step:
-        return [
-            Note(
-                Topic.UNITS,
-                f"positions come in steps of {coarse:.3g}, the encoder's is {step:.3g}: the log lost digits, or "
-                "its unit is not the one that it names",
-            )
-        ]
-    return []
+    if step <= 0.0 or coarse < step or (_whole(coarse / step) and coarse <= thresholds.COARSE_STEPS * step):
+        return []
+    words = f"positions come in steps of {coarse:.4g}, the encoder's is {step:.4g}"
+    return [Note(Topic.UNITS, f"{words}: the log lost digits, or its unit is not the one that it names")]
 
 
 def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:
@@ -189,6 +185,15 @@ def _frozen(capture: Capture, setup: Setup) -> list[Note]:
     ]
 
 
+def _swapped(capture: Capture) -> list[Note]:
+    """A reference in steps beside a position without any: only what an encoder measured comes in steps."""
+    if capture.reference is None or _position_step(capture.position) or not _position_step(capture.reference):
+        return []
+    step = _position_step(capture.reference)
+    words = f"its reference comes in steps of {step:.3g}, as of an encoder, its position in none: the two are swapped"
+    return [Note(Topic.REFERENCE, f"{words}; exchange them in --columns or in the header, or go on with --doubtful")]
+
+
 def _beyond_limits(capture: Capture, motion: _LowPassedMotion, setup: Setup) -> list[Note]:
     limits, axis = setup.file.limits, setup.file.axis
     unit, scale = axis.travel_unit, axis.travel_per_unit
@@ -257,5 +262,9 @@ def _position_step(position: Array) -> float:
     if len(steps) < 10:
         return 0.0
     step = float(steps.min())
-    counts = steps / step
-    return step if float(np.max(np.abs(counts - np.round(counts)))) < 0.02 else 0.0
+    return step if np.all(_whole(steps / step)) else 0.0
+
+
+def _whole(counts: Array | float) -> Any:
+    """Whether these are whole numbers, as far as a step is known."""
+    return np.abs(counts - np.round(counts)) < thresholds.WHOLE

@@ -28,6 +28,7 @@ MUCH_BETTER = 0.45  # times the unexplained share as recorded: a factor of 1000 
 MOTION_BAND = 0.02  # cycles a sample: the motion is below, noise above
 CHECKED_ROWS = 50_000  # rows that are looked at; longer captures are averaged in blocks
 COARSE_STEPS = 30.0  # encoder steps: coarser positions have lost digits
+WHOLE = 0.02  # of a step: a count as an export rounds it; a wrong unit is off by a half in one of two rows
 STEP_ROWS = 20000  # rows in which the step of the positions is looked for
 FAR_FROM_NOMINAL = 30.0  # factor from the stage file's value, either way, that is reported
 JUMP = 10.0  # times the step of 99 % of the rows: a misread row

@@ -24,10 +24,16 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar, cast
 
+from stagectl.problem import Problem, ProblemKind
+from stagectl.units import StageError
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
-INTERPRETED = os.environ.get("STAGECTL_KERNELS", "compiled") == "interpreted"
+_CHOSEN = os.environ.get("STAGECTL_KERNELS") or "compiled"
+if _CHOSEN not in ("compiled", "interpreted"):
+    raise StageError(Problem("", ProblemKind.VALUE, "STAGECTL_KERNELS", _CHOSEN, choices=("compiled", "interpreted")))
+INTERPRETED = _CHOSEN == "interpreted"
 
 
 def source_hash() -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.extras import arrow
-from stagectl.problem import ProblemKind
+from stagectl.problem import ProblemKind, why_unread
 from stagectl.recording.columns import (
     EXAMPLE,
     POSITIONS,
@@ -28,6 +30,9 @@ from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError
+
+_NO_NUMBER = re.compile(r"column #(\d+): Row #(\d+): .* invalid value ('.*')", re.DOTALL)
+_WIDTH = re.compile(r"Row #(\d+): Expected (\d+) columns, got (\d+): (.*)", re.DOTALL)
 
 
 def read(
@@ -177,6 +182,23 @@ def _scaled(column: Array, scale: float) -> Array:
     return column
 
 
+@contextlib.contextmanager
+def _in_words(path: Path, causes: tuple[type[Exception], ...]) -> Iterator[None]:
+    """Turn what the CSV reader says into file, row, column and text."""
+    try:
+        yield
+    except causes as cause:
+        words = why_unread(cause)
+        if value := _NO_NUMBER.search(words):
+            column, row, text = int(value[1]) + 1, value[2], value[3]
+            date = ", and a date is no time: times are in s" if len(re.findall(r"[-:/.]", text)) > 2 else ""
+            words = f"row {row}, column {column}: {text} is no number{date}"
+        elif width := _WIDTH.search(words):
+            row, wanted, found, text = width.groups()
+            words = f"row {row} has {found} columns, not {wanted}: {text}; decimal commas need another separator"
+        raise RecordingError(f"{path}: {words}; correct the row or remove it", path, ProblemKind.VALUE) from cause
+
+
 def read_table(
     path: Path, names: list[str], wanted: list[str], how: Layout, most: int = 0
 ) -> tuple[dict[str, Array], list[str]]:
@@ -193,7 +215,7 @@ def read_table(
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
     causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
     end = last_rows(path, how, most)
-    with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE, "; correct the row or remove it"):
+    with _in_words(path, causes):
         with path.open("rb") as file:  # of a whole file no more than a block is in memory
             source = file if end.length == path.stat().st_size else arrow().BufferReader(file.read(end.length))
             table = arrow().csv.read_csv(source, reading, parsing, converting)

@@ -171,6 +171,13 @@ def _ours(path: Path) -> bool:
         return False
 
 
+def check_name(path: Path) -> None:
+    """Raise RecordingError where a recording of this name would be taken for something else."""
+    if path.suffix != ".h5":
+        reason = f"{path} is no name of a recording: it must end in .h5; `stagectl export` makes other files of it"
+        raise RecordingError(reason, path, ProblemKind.FILE)
+
+
 def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str, complete: bool = True) -> None:
     """Write a whole recording at once (a simulation, an import); `samples` is structured or (n, width)."""
     names = samples.dtype.names or rollout.COLUMNS

@@ -18,7 +18,7 @@ from stagectl.kernels import rollout
 from stagectl.problem import ProblemKind, absent
 from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
-from stagectl.recording.hdf5 import Recording, RecordingError, save
+from stagectl.recording.hdf5 import Recording, RecordingError, check_name, save
 from stagectl.recording.metadata import versions
 from stagectl.recording.repair import repaired
 from stagectl.recording.scales import Scales, read_values
@@ -60,6 +60,8 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
     """Write imported recordings; those of a folder go into a folder."""
     base = output or Path("recordings") / (source.name if source.is_dir() else f"{source.stem}.h5")
     targets = [base / f"{recording.path.stem}.h5" if source.is_dir() else base for recording in recordings]
+    for target in targets:
+        check_name(target)
     if there := [target for target in targets if target.exists()]:
         reason = f"{there[0]} exists and is left as it is: choose another place with -o"
         raise RecordingError(reason, there[0], ProblemKind.CONFLICT)

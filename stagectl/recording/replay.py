@@ -20,17 +20,20 @@ def recomputed(p: law.Law, setpoints: NDArray[np.float64], measured: NDArray[np.
     return out
 
 
+def check_ran(recording: Recording, what: str) -> None:
+    """Raise RecordingError where a recording was imported: it holds no `what`."""
+    if "law" not in recording.meta:
+        words = "`run` and `simulate` record one; `identify` and `gap diagnose` take what was imported"
+        reason = f"{recording.path} was imported: it holds no {what}; {words}"
+        raise RecordingError(reason, recording.path, ProblemKind.MISSING)
+
+
 def outputs(recording: Recording) -> NDArray[np.float64]:
     """What the law answers to the recorded setpoints and positions: (n, terms of law.Output).
 
     Raises RecordingError where rows are missing or the recording holds no law of ours.
     """
-    if "law" not in recording.meta:
-        raise RecordingError(
-            f"{recording.path} was imported: it holds no law to replay; `run` and `simulate` record one",
-            recording.path,
-            ProblemKind.MISSING,
-        )
+    check_ran(recording, "law to replay")
     if not {"cascade", "observer"} <= set(recording.meta["law"]):
         reason = f"{recording.path} was recorded by a version whose law was another: run it again"
         raise RecordingError(reason, recording.path, ProblemKind.CONFLICT)

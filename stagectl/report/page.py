@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from stagectl.problem import write_text
 from stagectl.web import assets
 
 
@@ -64,7 +65,7 @@ def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
     given = {**page._asdict(), "config": listed, "library": _library(page)}
-    path.write_text(template.render(given), encoding="utf-8")
+    write_text(path, template.render(given))
     return path
 
 

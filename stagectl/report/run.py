@@ -15,6 +15,7 @@ from stagectl import evaluation
 from stagectl.number_format import prefix
 from stagectl.recording.extremes import extremes
 from stagectl.recording.hdf5 import Recording
+from stagectl.recording.replay import check_ran
 from stagectl.report.constants import BUCKETS
 from stagectl.report.figures import WITH, WITHOUT
 from stagectl.report.page import Page
@@ -31,7 +32,8 @@ Array = NDArray[np.float64]
 
 
 def page(recording: Recording, commands: Sequence[str]) -> Page:
-    """The page of a recording, of a machine or simulated."""
+    """The page of a recording, of a machine or simulated.  Raises RecordingError for one that was imported."""
+    check_ran(recording, "law and no tracking error to report")
     samples, meta = recording.samples, recording.meta
     result = evaluation.evaluate(samples, meta)
     return Page(

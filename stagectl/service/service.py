@@ -85,6 +85,7 @@ class Service:
         self._stop_socket = self._ends.enter_context(serving(self.paths.stop, socket.SOCK_DGRAM))
         for axis in self.axes.values():
             self._ends.enter_context(virtual_drive.present(axis.setup, self.say))
+            await asyncio.sleep(LOOK)  # a signal that has waited is heard
         self._spawn()
         self._ends.callback(self._stop)
         self.planner.start()

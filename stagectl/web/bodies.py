@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -11,6 +12,7 @@ from starlette.responses import JSONResponse
 
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import BODY, BODY_TIME, STRUCTURE, UPLOAD
+from stagectl.units import StageError
 
 UPLOADS = ("/v1/trajectory",)  # take larger bodies
 
@@ -19,6 +21,28 @@ class Strict(BaseModel):
     """A body whose unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
+
+
+_WORDS = {
+    "extra_forbidden": "is not known here; GET /openapi.json says what is",
+    "json_invalid": "the body is not JSON from this character on",
+    "model_attributes_type": "must be a JSON object, such as {...}",
+    "missing": "is missing",
+}
+
+
+def wrong(details: Iterable[Mapping[str, Any]]) -> str:
+    """What pydantic found wrong with a message, each entry with its place."""
+    return "; ".join(f"{'.'.join(map(str, one['loc']))}: {_WORDS.get(one['type'], one['msg'])}" for one in details)
+
+
+async def check_exact(request: Request, known: Collection[str]) -> None:
+    """Raise StageError where a request without a body says more than is read: all axes would go, not the one meant."""
+    odd = sorted(set(request.query_params) - set(known))
+    if odd or await request.body() not in (b"", b"{}", b"null"):
+        what = f"{', '.join(odd)} in the address" if odd else "body"
+        path = request.url.path
+        raise StageError(f"{path} takes no {what}, and nothing was done: name one axis as {path}?axis=x")
 
 
 class Bodies:

@@ -13,6 +13,7 @@ import urllib.parse
 from pathlib import Path
 from typing import Any
 
+from stagectl.problem import why_unread
 from stagectl.runtime_folder import runtime_folder, short_name
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
 from stagectl.units import StageError
@@ -87,7 +88,7 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, 
             "or kill it and start it again; both stop the axes"
         ) from error
     except (OSError, http.client.HTTPException, ValueError) as error:
-        raise ControlError(f"no service answers on {path} ({error}); {_NOBODY}") from error
+        raise ControlError(f"no service answers on {path} ({why_unread(error)}); {_NOBODY}") from error
     finally:
         link.close()
     if answer.status >= 400:
@@ -106,7 +107,7 @@ def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:
     except PermissionError as error:
         raise _not_allowed(place) from error
     except OSError as error:
-        raise ControlError(f"no service answers on {place} ({error}); {_NOBODY}") from error
+        raise ControlError(f"no service answers on {place} ({why_unread(error)}); {_NOBODY}") from error
     try:
         answer = link.ask(QUICK_STOP if quick else STOP, axis, STOP_ANSWER)
         if "error" in answer:

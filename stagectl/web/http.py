@@ -25,7 +25,7 @@ from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
-from stagectl.web.bodies import Strict, for_client
+from stagectl.web.bodies import Strict, check_exact, for_client, wrong
 from stagectl.web.limits import AXES, AXIS_NAME, EFFECTS, FILE_NAME, GAINS, LARGEST_NUMBER, PLACE, QUANTITY, TABLES
 
 AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
@@ -156,6 +156,7 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
     app.add_exception_handler(StageError, _refusal(422))
     app.add_exception_handler(422, _refusal(422))
     app.add_exception_handler(400, _refusal(400))
+    app.add_exception_handler(404, _absent)
     app.add_exception_handler(405, _not_allowed)
     app.add_exception_handler(RequestValidationError, _malformed)
     _reading(app, service)
@@ -186,8 +187,12 @@ async def _not_allowed(request: Request, _: Exception) -> Response:
 
 async def _malformed(_: Request, error: Exception) -> Response:
     details: list[dict[str, Any]] = getattr(error, "errors", list)()
-    words = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in details)
-    return JSONResponse({"error": words or str(error)}, 422)
+    return JSONResponse({"error": wrong(details) or str(error)}, 422)
+
+
+async def _absent(request: Request, _: Exception) -> Response:
+    words = f"{request.method} {request.url.path}: there is no such path; GET /openapi.json lists all"
+    return JSONResponse({"error": words}, 404)
 
 
 def _reading(app: FastAPI, service: Service) -> None:
@@ -214,8 +219,10 @@ def _reading(app: FastAPI, service: Service) -> None:
 
 
 def _moving(app: FastAPI, orders: OrderHandler) -> None:
-    def verb(path: str, order: Callable[[list[AxisController]], Awaitable[None]]) -> None:
-        async def do(axis: AxisName = "") -> dict[str, Any]:
+    def verb(path: str, order: Callable[[list[AxisController]], Awaitable[None]], exact: bool = True) -> None:
+        async def do(request: Request, axis: AxisName = "") -> dict[str, Any]:
+            if exact:
+                await check_exact(request, ("axis",))
             await order(orders.service.chosen(axis))
             return orders.service.machine_json()
 
@@ -223,10 +230,9 @@ def _moving(app: FastAPI, orders: OrderHandler) -> None:
         app.post(f"/v1/{path}", response_model=Machine, responses=_REFUSALS, description=order.__doc__)(do)
 
     verb("enable", orders.enable)
-    verb("disable", orders.disable)
     verb("home", orders.home)
-    verb("stop", orders.stop)
-    verb("quick-stop", orders.quick_stop)
+    for path, stop in (("disable", orders.disable), ("stop", orders.stop), ("quick-stop", orders.quick_stop)):
+        verb(path, stop, exact=False)  # no form of a request keeps an axis from stopping
     verb("faults/reset", orders.reset)
 
     @app.post("/v1/move", response_model=Machine, responses=_REFUSALS)

@@ -19,7 +19,7 @@ import websockets  # noqa: F401  uvicorn imports it by name, and hides its absen
 from stagectl.service import shutdown_signals
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import BACKLOG, DESCRIPTORS, IDLE_TIME
-from stagectl.service.service import Service
+from stagectl.service.service import LOOK, Service
 from stagectl.service.single_instance import handed_over, notify, serving
 from stagectl.web import assets
 from stagectl.web.access_control import Check, Keys, at_home, by_key, guarded, same_site, secret
@@ -101,7 +101,10 @@ def _reserve_descriptors(say: Callable[[str], None]) -> None:
 
 async def _begun(service: Service, stopped: asyncio.Event) -> bool:
     """Begin; False where a signal ended it meanwhile.  Raises ServiceError."""
-    beginning, waiting = asyncio.create_task(service.begin()), asyncio.create_task(stopped.wait())
+    waiting = asyncio.create_task(stopped.wait())
+    if (await asyncio.wait([waiting], timeout=LOOK))[0]:  # a signal that came while the service was being loaded
+        return False
+    beginning = asyncio.create_task(service.begin())
     await asyncio.wait([beginning, waiting], return_when=asyncio.FIRST_COMPLETED)
     if beginning.done() and beginning.exception():  # systemd signals all processes at once: a child may be the first
         await asyncio.wait([waiting], timeout=AT_ONCE)

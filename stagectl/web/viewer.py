@@ -29,6 +29,7 @@ from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.limits import WORK_SHARE
 from stagectl.service.service import Service
 from stagectl.web import limits
+from stagectl.web.bodies import wrong
 from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
 from stagectl.web.limits import FREE_PAUSE, HELD_OFF, LEAST_PAUSE, LONGEST_SHARE, RATE, STATUS_PERIOD, WAITING
 from stagectl.web.live import ScopeView, Strip, Window
@@ -107,8 +108,7 @@ def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest
             raise ServiceError(f"a message has one key of {', '.join(_KINDS)}")
         request = _KINDS[kind].model_validate(body)
     except ValidationError as error:
-        words = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors())
-        raise ServiceError(words) from error
+        raise ServiceError(wrong(error.errors())) from error
     except (ValueError, AttributeError) as error:
         raise ServiceError("a message is JSON with one key") from error
     assert isinstance(request, StripRequest | ScopeRequest | DetailRequest | HoldRequest)

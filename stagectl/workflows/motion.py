@@ -25,7 +25,7 @@ from stagectl.gap.effects.library import left_out
 from stagectl.kernels.law import Setpoint
 from stagectl.plan import Plan, Start, plan
 from stagectl.recording.file_lock import sweep
-from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair
+from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, repair
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
 from stagectl.service.single_motion import Ended, Motion, Progress, move
@@ -39,7 +39,8 @@ def canopen(setup: Setup) -> Canopen:
     """The CANopen wire of the stage.  Raises DriveError where the stage has none."""
     wire = setup.file.drive.wire
     if not isinstance(wire, Canopen):
-        raise DriveError(f"drive.wire.kind of {setup.path} is not canopen: there is no bus to be on")
+        words = "this is for a drive on a CAN bus; `stagectl run` and `serve` take other drives, too"
+        raise DriveError(f"drive.wire.kind of {setup.path} is not canopen: {words}")
     if setup.stage.drive.delay_samples < 1:
         raise DriveError(
             f"drive.delay_samples = 0; over CAN the command acts from the next SYNC on, so it is at least 1: "
@@ -105,6 +106,8 @@ def lay_out(
     layers = sorted(frozenset(setup.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)
     meta = {**about, "without": sorted(without), "layers": layers}
+    if recording is not None and not recording.is_dir():
+        check_name(recording)
     place = recording or unused(Path(commanded.name).stem, ".h5")
     motion = Motion(setup, laid_out, controller.law, meta, place, located=located if laid_out.effects else None)
     return motion if learned is None else _with_learned(motion, learned)

@@ -94,10 +94,13 @@ def test_a_change_is_a_number_in_si_or_a_text_with_its_unit(stage: DesignedStage
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda s: sc.load_stage(s), "stage of type DesignedStage; must be a path"),
-        (lambda s: sc.simulate(s, s), "trajectory of type DesignedStage; must be a path"),
-        (lambda s: sc.load_log(3), "log of type int; must be the path"),  # type: ignore[arg-type]
-        (lambda s: sc.compare(s, SINE, ["off", "ptc"]), "each variant by itself"),  # type: ignore[arg-type]
+        (lambda s: sc.load_stage(s), "path of type DesignedStage; must be a path"),
+        (
+            lambda s: sc.simulate(s, s),
+            "trajectory of type DesignedStage; must be what load_trajectory returned or a path",
+        ),
+        (lambda s: sc.load_log(3), "path = 3 of type int; must be a path"),  # type: ignore[arg-type]
+        (lambda s: sc.compare(s, SINE, ["off", "ptc"]), "must be text, each by itself"),  # type: ignore[arg-type]
         (lambda s: sc.load_stage(SINE), "type belongs to a trajectory file"),
     ],
 )

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,7 +23,7 @@ _ROWS = [f"{k * 1e-3:.3f},{0.5 * math.sin(k * 1e-2):.6f},{math.cos(k * 1e-2):.4f
 _NEXT = re.compile(
     r"stagectl [a-z]|--help|`ls |[Dd]id you mean|must (be|lie|have|increase|give)|its columns are"
     r"|: known are|give |choose |write it|check |replace |remove |save it|cut the log|python -m "
-    r"|copy it|name the|these can|record a|relative to"
+    r"|copy it|make room|name the|these can|record a|relative to"
 )
 
 _RAW = re.compile(r"codec can't|Expecting |indices must|ErrorID|XML_ERROR")  # a parser's or decoder's own words
@@ -44,6 +47,7 @@ FILES: dict[str, bytes] = {
     "latin.yaml": "name: Tisch für\n".encode("latin-1"),
     "circle.yaml": b"type: circle\nradius: 1 mm\n",
     "far.yaml": b"type: sine\namplitude: 80 mm\nfrequency: 1 Hz\nperiods: 1\n",
+    "angle.yaml": b"type: sine\namplitude: 5 deg\nfrequency: 1 Hz\nperiods: 1\n",
     "picture.csv": bytes(range(256)),
     "log.xlsx": b"PK\x03\x04",
     "log.mat": b"hello" * 100,
@@ -67,6 +71,8 @@ STAGES = {
     "typo.yaml": ("viscous:", "viscos:"),
     "twice.yaml": ("  viscous: 0.14 N m s/rad", "  viscous: 0.14 N m s/rad\n  viscous: 0.2 N m s/rad"),
     "negative.yaml": ("inertia: 0.010", "inertia: -0.010"),
+    "torque.yaml": ("coulomb: 1.0 N m", "coulomb: 1.0 Nm"),
+    "minus.yaml": ("[-50 mm", "[\u221250 mm"),
     "turned.yaml": ("[-50 mm, 50 mm]", "[50 mm, -50 mm]"),
     "eds.yaml": ("stagectl-virtual.eds", "my-drive.eds"),
     "weak.yaml": ("current_limit: 15 A", "current_limit: 1 A"),
@@ -82,6 +88,9 @@ LOGS = {
     "text.csv": [_HEAD, *_ROWS[:100], "0.1,abc,1", *_ROWS[101:]],
     "no-current.csv": [_HEAD.rpartition(",")[0], *(row.rpartition(",")[0] for row in _ROWS)],
     "still.csv": [_HEAD, *(f"{k * 1e-3},0.5,0" for k in range(300))],
+    "date.csv": [_HEAD, *(f"2026-01-01T00:00:{row}" for row in _ROWS)],
+    "twice.csv": [_HEAD, *_ROWS[:100], _HEAD, *_ROWS[100:]],
+    "german.csv": [_HEAD, *(row.replace(".", ",") for row in _ROWS)],
     "back.csv": [_HEAD, *_ROWS[::-1]],
 }
 # The words typed after `stagectl`; the place that must be named; the exit code.
@@ -165,6 +174,23 @@ MISTAKES = [
     ("move -10mm", "stagectl move -- -10mm", 2),
     ("config check list.yaml", "list.yaml:1", 1),
     ("replay empty.h5", "empty.h5 is empty", 2),
+    ("simulate config/linear-slider.yaml angle.yaml", "amplitude = 5 deg; 'deg' does not measure m", 2),
+    ("config check torque.yaml", "unknown unit 'Nm', perhaps N m", 1),
+    ("config check minus.yaml", "U+2212 in it, type it in ASCII", 1),
+    ("config check link.yaml", "it is a link to gone.yaml, which is not there: see `ls -l link.yaml`", 2),
+    ("config check conf/ball-screw.yaml", "did you mean config/ball-screw.yaml?", 2),
+    ("config check config\\ball-screw.yaml", "did you mean config/ball-screw.yaml?", 2),
+    ("config check ~/stage.yaml", "~/stage.yaml", 2),
+    ("config check -", "standard input is not read here", 2),
+    (
+        f"import date.csv --stage {S}",
+        "'2026-01-01T00:00:0.000' is no number, and a date is no time",
+        2,
+    ),
+    (f"import twice.csv --stage {S}", "row 102, column 1: 'time_s' is no number; correct the row", 2),
+    (f"import german.csv --stage {S}", "german.csv: row 2 has", 2),
+    (f"import good.csv --stage {S} -o good.mat", "good.mat is no name of a recording: it must end in .h5", 2),
+    ("config schema --json /dev/full", "/dev/full: No space left on device; make room: see `df -h`", 2),
 ]
 
 
@@ -172,6 +198,7 @@ def _prepare(line: str) -> None:
     """Write the files that `line` names."""
     for name, content in FILES.items():
         Path(name).write_bytes(content)
+    Path("link.yaml").symlink_to("gone.yaml")
     for name, rows in LOGS.items():
         Path(name).write_text("\n".join(rows) + "\n" if rows else "")
     for name, (old, new) in STAGES.items():
@@ -191,6 +218,29 @@ def test_it_says_where_and_what_next(command: Command, line: str, place: str, co
     first = "\n".join(err.splitlines()[:2])
     assert first.startswith("error: ") and place in first, err
     assert _NEXT.search("\n".join(err.splitlines()[:3])), err
+
+
+def test_an_imported_log_is_no_run(command: Command, folder: Path) -> None:
+    assert command("import", "good.csv", "--stage", S, "-o", "imported.h5")[0] == 0
+    for verb in ("report", "replay"):
+        code, _, err = command(verb, "imported.h5")
+        assert code == 2
+        assert "imported.h5 was imported: it holds no law" in err
+
+
+def test_a_slip_of_the_unit_that_leaves_a_stable_loop_is_a_warning(command: Command, folder: Path) -> None:
+    text = Path(S).read_text().replace("drives/", "config/drives/")
+    Path("heavy.yaml").write_text(text.replace("inertia: 0.010 kg", "inertia: 10 kg"))
+    code, _, err = command("config", "check", "heavy.yaml")
+    assert code == 0
+    assert "warning: heavy.yaml: from limits.speed the axis stops within 21.8 m at the earliest" in err
+
+
+def test_a_way_of_running_the_kernels_that_there_is_not_is_refused(folder: Path) -> None:
+    words = [sys.executable, "-m", "stagectl", "simulate", S, T]
+    ended = subprocess.run(words, env={**os.environ, "STAGECTL_KERNELS": "fast"}, capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert "error: STAGECTL_KERNELS = fast; must be one of compiled, interpreted" in ended.stderr
 
 
 def test_there_are_fifty() -> None:

@@ -1,0 +1,70 @@
+"""Wrong arguments from Python: each is refused at the call, by its name, with what it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import stagectl as sc
+from stagectl.api.checked import checked
+from tests.conftest import CONFIG
+
+STAGE, SINE = CONFIG / "ball-screw.yaml", CONFIG / "trajectories" / "sine-1.6hz.yaml"
+TIMES = np.linspace(0.0, 1.0, 100)
+sc_: Any = sc  # a type checker would refuse each of these
+MISTAKES = {
+    "load_stage": (lambda s: sc_.load_stage({"name": "x"}), "path = {'name': 'x'} of type dict; must be a path"),
+    "text": (lambda s: sc_.load_stage(s.text), "cannot be the path of a file"),
+    "pair": (lambda s: sc_.load_trajectory([TIMES, TIMES]), "a tuple (time, position)"),
+    "triple": (lambda s: sc_.load_trajectory((TIMES, TIMES, TIMES)), "source of type tuple; must be a path or a tuple"),
+    "words": (lambda s: sc_.load_trajectory((["a"], ["b"])), "source holds what is no number"),
+    "stage": (lambda s: sc_.load_trajectory(SINE, STAGE), "must be what load_stage returned"),
+    "without": (lambda s: sc_.simulate(s, SINE, without=None), "must be text or a list of text"),
+    "keyword": (lambda s: sc_.simulate(s, SINE, wihtout=["friction"]), "did you mean without?"),
+    "seed": (lambda s: sc_.simulate(s, SINE, seed="1"), "seed = '1' of type str; must be a whole number"),
+    "law": (lambda s: sc_.simulate(s, SINE, friction=1.0), "friction = 1.0 of type float; must be a function"),
+    "force": (lambda s: sc_.simulate(s, SINE, friction=lambda v, x, dt: None), "the friction law gives None"),
+    "recording": (lambda s: sc_.run(s, SINE, recording="run.csv"), "run.csv is no name of a recording"),
+    "bandwidth": (lambda s: sc_.tune(s, [30, 40]), "must be a number in SI or text with its unit"),
+    "true": (lambda s: sc_.tune(s, True), "bandwidth = True of type bool"),
+    "choice": (lambda s: sc_.tune(s, law="PID"), "law = 'PID' of type str; must be one of pid, cascade"),
+    "data": (lambda s: sc_.identify(s, {"time": TIMES}), "or load_log returned or a path or a list of them"),
+    "letters": (lambda s: sc_.identify(s, "x.h5", compensators="table"), "must be a list of text"),
+    "record": (lambda s: sc_.diagnose([s]), "session of type list; must be a path or a list of them"),
+    "repeats": (lambda s: sc_.compare(s, SINE, "off", "ptc", repeats=0), "repeats 0; must lie in [1, inf)"),
+    "columns": (lambda s: sc_.load_log("x.csv", {"time": 0}), "must be a dict of text or text"),
+    "none": (lambda s: s.changed({"mechanics.inertia": None}), "mechanics.inertia = None; must be a single value"),
+    "array": (lambda s: s.changed({"mechanics.inertia": np.ones(2)}), "must be a single value"),
+    "step": (lambda s: sc_.load_trajectory(SINE, s).to_arrays(0), "dt 0; must lie in (0, inf) s"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_it_is_refused_by_name(name: str) -> None:
+    call, words = MISTAKES[name]
+    with pytest.raises(sc.StageError) as refused:
+        call(sc.load_stage(STAGE))
+    assert words in str(refused.value)
+
+
+def test_what_python_says_itself_it_says_itself() -> None:
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'trajectory'"):
+        sc_.simulate(STAGE)
+
+
+def test_an_unknown_attribute_says_what_there_is() -> None:
+    with pytest.raises(AttributeError, match="DesignedStage has no inertia: it has changed, "):
+        _ = sc.load_stage(STAGE).inertia  # type: ignore[attr-defined]
+    assert not hasattr(sc, "loadStage")
+
+
+def test_numbers_of_numpy_are_numbers_and_what_is_read_once_stays_unread() -> None:
+    @checked
+    def taken(number: float, count: int, names: Iterable[str]) -> list[str]:
+        return list(names)
+
+    called: Any = taken
+    assert called(np.float32(1.0), np.int64(3), (name for name in "ab")) == ["a", "b"]
