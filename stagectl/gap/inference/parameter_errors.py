@@ -166,36 +166,44 @@ def _probability(name: str, p: Estimate) -> float:
 def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:
     """The shift of the rolling zone's length; none without friction, which has no rolling zone.
 
-    It has no column of its own, so it counts as material.  Its deviation is what the errors of all elements make of it.
+    It has no column of its own, so it counts as material.  Its deviation is what the errors of all elements make of it,
+    and by how much its parts differ: another law of friction is no other length.
     """
     p, q = session.stage.friction, now.model.stage.friction
     if min(stage.sliding(p), stage.sliding(q)) < thresholds.FRICTIONLESS * max(
         stage.sliding(p), stage.sliding(q), 1e-300
     ):
         return []
-    before, after = half_way(p), half_way(q)
-    errors = [max(_half_way_error(now, each), thresholds.PRESLIDING_ERROR * before) for each in known]
+    before, ratio = _length(p), np.log(turning_points(q) / turning_points(p))
+    after = before * float(np.exp(ratio.mean()))
+    errors = [math.hypot(_length_error(now, each), after * float(ratio.std())) for each in known]
     views = [Estimate(after, before, error, before, constants.LENGTH * before) for error in errors]
     return [_shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
 
 
-def _half_way_error(now: Fitted, known: Errors) -> float:
-    """Standard error of `half_way`: what it moves by where each element moves by its own error."""
+def _length_error(now: Fitted, known: Errors) -> float:
+    """Standard error of the length (rad | m): what it moves by where each element moves by its own error."""
     places = [k for k, name in enumerate(known.names) if name.startswith("weight_") or name == "bristle_length"]
     matrix = known.matrix[np.ix_(places, places)]
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     still = {baseline_fit.weight_name(k): 0.0 for k in range(len(now.model.stage.friction.operators.weight))}
     moves = [{**still, known.names[place]: float(by)} for place, by in zip(places, size, strict=True)]
-    moved = [half_way(baseline_fit.moved(now.model, move, None, 1.0).stage.friction) for move in moves]
-    step = (np.array(moved) - half_way(now.model.stage.friction)) / size
+    moved = [_length(baseline_fit.moved(now.model, move, None, 1.0).stage.friction) for move in moves]
+    step = (np.array(moved) - _length(now.model.stage.friction)) / size
     return math.sqrt(max(float(step @ matrix @ step), 0.0))
 
 
-def half_way(p: stage.Friction) -> float:
-    """Displacement after a reversal at which half of the friction has turned round (rad | m)."""
+def turning_points(p: stage.Friction) -> Array:
+    """(9,) rad | m, displacements after a reversal at which each tenth of the friction has turned round."""
     grid = np.geomspace(1e-4, 3.0, 400) * friction_family.length(p)
     curve: Array = friction_family.reversal(p, grid)
-    return float(np.interp(0.5 * curve[-1], curve, grid))
+    points: Array = np.interp(np.linspace(0.1, 0.9, 9) * curve[-1], curve, grid)
+    return points
+
+
+def _length(p: stage.Friction) -> float:
+    """Geometric mean of the turning points (rad | m): twice as long a zone has twice each of them."""
+    return float(np.exp(np.log(turning_points(p)).mean()))
 
 
 def of_force(known: Sequence[Shift]) -> list[Shift]:

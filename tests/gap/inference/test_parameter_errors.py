@@ -1,5 +1,6 @@
 """Parameters that are off: what a force constant that is off would explain as well."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -130,27 +131,44 @@ def test_a_parameter_given_another_is_what_the_fit_would_say_without_that_one() 
     assert joint.given("viscous", []).deviation == pytest.approx(0.5)
 
 
-def test_half_of_the_friction_turns_round_in_half_its_length() -> None:
+def test_each_tenth_of_the_friction_turns_round_after_a_tenth_of_its_length() -> None:
     """One stop operator of 3 um: straight to its end, after twice its slip."""
     p = stage.Friction(friction.bundle([2.0], [3e-6]), friction.Stribeck())
-    assert parameter_errors.half_way(p) == pytest.approx(3e-6, rel=0.02)
+    assert parameter_errors.turning_points(p) == pytest.approx(np.arange(1, 10) * 0.6e-6, rel=0.02)
+
+
+@pytest.mark.parametrize(("slips", "sure"), [([1.5e-6, 6e-6, 1.5e-5], True), ([3e-6, 4e-6, 5e-6], False)])
+def test_a_longer_zone_is_no_other_law(slips: list[float], sure: bool) -> None:
+    """All elements half as long again; or as long on the average, and one sharper than all before."""
+    p, known = load_stage(CONFIG / "ball-screw.yaml").stage, Errors(NOTHING, (), np.empty((0, 0)), NOTHING)
+    before, after = (friction_of([1e-6, 4e-6, 1e-5]), friction_of(slips))
+    session: Any = SimpleNamespace(stage=p._replace(friction=before), kind="rotary")
+    now = Fitted(TrackedModel(p._replace(friction=after), NOTHING), (), [], 0.0)
+    (found,) = parameter_errors._presliding(session, now, [known])
+    assert found.sure is sure
+    if sure:
+        assert found.change == pytest.approx(0.5, rel=0.02)
+
+
+def friction_of(slips: list[float]) -> stage.Friction:
+    return stage.Friction(friction.bundle([1.0] * len(slips), slips), friction.Stribeck())
 
 
 def test_the_rolling_zone_is_as_uncertain_as_its_elements() -> None:
-    """Three elements of equal weight turn round one after the other: more of the longest, and half way is later.
+    """Three elements of equal weight turn round one after the other: more of the longest, and all is later.
 
     Errors that are common to all elements change the friction, and not its length.
     """
     p = load_stage(CONFIG / "ball-screw.yaml").stage
     model = TrackedModel(
-        p._replace(friction=stage.Friction(friction.bundle([1.0] * 3, [1e-6, 4e-6, 1e-5]), friction.Stribeck())),
+        p._replace(friction=friction_of([1e-6, 4e-6, 1e-5])),
         NOTHING,
     )
     now, names = Fitted(model, (), [], 0.0), tuple(f"weight_{k}" for k in range(3))
     error = {}
-    for size in (0.0, 0.05, 0.1):
+    for size in (0.0, 0.01, 0.02):
         of_last = np.diag([0.0, 0.0, size**2])
-        error[size] = parameter_errors._half_way_error(now, Errors(NOTHING, names, of_last, NOTHING))
-    assert error[0.0] == 0.0 < error[0.05] and error[0.1] == pytest.approx(2.0 * error[0.05], rel=0.2)
-    common = Errors(NOTHING, names, np.full((3, 3), 0.1**2), NOTHING)
-    assert parameter_errors._half_way_error(now, common) < 0.1 * error[0.1]
+        error[size] = parameter_errors._length_error(now, Errors(NOTHING, names, of_last, NOTHING))
+    assert error[0.0] == 0.0 < error[0.01] and error[0.02] == pytest.approx(2.0 * error[0.01], rel=0.2)
+    common = Errors(NOTHING, names, np.full((3, 3), 0.02**2), NOTHING)
+    assert parameter_errors._length_error(now, common) < 0.1 * error[0.02]
