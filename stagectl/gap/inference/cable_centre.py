@@ -22,12 +22,14 @@ SPRING, BIAS = "cable_spring", "bias"
 def centred(e: Evidence, now: Fitted) -> Fitted:
     """`now`, its constant force as the place of the spring's centre where that is the more probable cause of it."""
     spring, moved = _spring(now), e.base.prior.moved(now.model, BIAS)
-    if spring is None or bias_odds(moved, reach(now), e.base.prior.width(BIAS)) > 1.0:
+    if spring is None:
         return now
-    centre = spring.values["centre"] + moved / spring.values["stiffness"]
-    mechanics = now.model.stage.mechanics
+    if bias_odds(moved, reach(now), e.base.prior.width(BIAS)) > 1.0:
+        moved = 0.0
+    stiffness, mechanics = spring.values["stiffness"], now.model.stage.mechanics
     stage = now.model.stage._replace(mechanics=mechanics._replace(bias=mechanics.bias - moved))
-    placed = EffectValues(spring.effect, {**spring.values, "centre": centre})
+    centre = spring.values["centre"] + moved / stiffness
+    placed = EffectValues(spring.effect, {"stiffness": stiffness, "centre": centre})  # in the order of texts
     effects = tuple(placed if valued is spring else valued for valued in now.effects)
     return now._replace(model=now.model._replace(stage=stage), effects=effects)
 

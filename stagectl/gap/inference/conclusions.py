@@ -58,8 +58,7 @@ def conclude(
 ) -> Conclusions:
     """Names, values and the unknown, without the effects that are `excluded`."""
     now, sure = selected.fitted, verdict.only_named(e, selected)
-    left = unknown(e, sure, functions)
-    shape = left.term if left else None
+    shape = unknown(e, sure, functions)
     known = list(errors(e, library, now, functions).values())
     largest = {name: max(each.deviations()[name] for each in known) for name in known[0].names}
     effects = verdict.named_effects(session, e, selected, cable_centre.with_centre(now, largest))

@@ -46,7 +46,8 @@ def test_a_constant_force_that_a_centre_within_the_travel_gives_is_the_springs()
 
 def test_a_centre_far_outside_the_travel_is_a_bias() -> None:
     now = fitted(20.0 * STIFFNESS * SIZE.stroke)
-    assert centred(now) is now
+    after = centred(now)
+    assert after.model == now.model and after.effects[0].values == now.effects[0].values
 
 
 def test_the_odds_are_those_of_two_densities() -> None:
