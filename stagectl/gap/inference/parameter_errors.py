@@ -7,23 +7,22 @@ in for the others, the one that explains most alone counts, and the others are i
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit, ndtr
 
 from stagectl.gap.effects.library import FORCE_SCALED
-from stagectl.gap.inference import thresholds
+from stagectl.gap.inference import rolling_zone, thresholds
 from stagectl.gap.inference.estimates import Estimate, estimates, whole_delay
 from stagectl.gap.inference.value_errors import Errors, log_odds
-from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
+from stagectl.gap.logs.session import Session
+from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
-from stagectl.gap.selection import baseline_fit, constants, refine
+from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -81,7 +80,7 @@ def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], 
         _shift(name, [view.given(name, part.given) for view in views], part.misfit / before, session.kind, part.alike)
         for name, part in parts.items()
     ]
-    return [*of_columns, *_presliding(session, now, known)]
+    return [*of_columns, *_presliding(session, e, now, known, before)]
 
 
 def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
@@ -163,47 +162,13 @@ def _probability(name: str, p: Estimate) -> float:
     return float(expit(odds) * beyond)
 
 
-def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:
-    """The shift of the rolling zone's length; none without friction, which has no rolling zone.
-
-    It has no column of its own, so it counts as material.  Its deviation is what the errors of all elements make of it,
-    and by how much its parts differ: another law of friction is no other length.
-    """
-    p, q = session.stage.friction, now.model.stage.friction
-    if min(stage.sliding(p), stage.sliding(q)) < thresholds.FRICTIONLESS * max(
-        stage.sliding(p), stage.sliding(q), 1e-300
-    ):
-        return []
-    before, ratio = _length(p), np.log(turning_points(q) / turning_points(p))
-    after = before * float(np.exp(ratio.mean()))
-    errors = [math.hypot(_length_error(now, each), after * float(ratio.std())) for each in known]
-    views = [Estimate(after, before, error, before, constants.LENGTH * before) for error in errors]
-    return [_shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
-
-
-def _length_error(now: Fitted, known: Errors) -> float:
-    """Standard error of the length (rad | m): what it moves by where each element moves by its own error."""
-    places = [k for k, name in enumerate(known.names) if name.startswith("weight_") or name == "bristle_length"]
-    matrix = known.matrix[np.ix_(places, places)]
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    still = {baseline_fit.weight_name(k): 0.0 for k in range(len(now.model.stage.friction.operators.weight))}
-    moves = [{**still, known.names[place]: float(by)} for place, by in zip(places, size, strict=True)]
-    moved = [_length(baseline_fit.moved(now.model, move, None, 1.0).stage.friction) for move in moves]
-    step = (np.array(moved) - _length(now.model.stage.friction)) / size
-    return math.sqrt(max(float(step @ matrix @ step), 0.0))
-
-
-def turning_points(p: stage.Friction) -> Array:
-    """(9,) rad | m, displacements after a reversal at which each tenth of the friction has turned round."""
-    grid = np.geomspace(1e-4, 3.0, 400) * friction_family.length(p)
-    curve: Array = friction_family.reversal(p, grid)
-    points: Array = np.interp(np.linspace(0.1, 0.9, 9) * curve[-1], curve, grid)
-    return points
-
-
-def _length(p: stage.Friction) -> float:
-    """Geometric mean of the turning points (rad | m): twice as long a zone has twice each of them."""
-    return float(np.exp(np.log(turning_points(p)).mean()))
+def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], before: float) -> Iterator[Shift]:
+    """The shift of the rolling zone's length; none without friction, which has no rolling zone."""
+    sizes = [stage.sliding(p.friction) for p in (session.stage, now.model.stage)]
+    if min(sizes) > thresholds.FRICTIONLESS * max(sizes):
+        views = [rolling_zone.length(session.stage.friction, now, errors) for errors in known]
+        misfit = rolling_zone.misfit(session.stage.friction, e, now, views[0].value / views[0].nominal)
+        yield _shift("presliding", views, misfit / before, session.kind)
 
 
 def of_force(known: Sequence[Shift]) -> list[Shift]:

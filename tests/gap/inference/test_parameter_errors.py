@@ -1,23 +1,16 @@
 """Parameters that are off: what a force constant that is off would explain as well."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stagectl.config.stage_file import load_stage
 from stagectl.gap.inference import parameter_errors
 from stagectl.gap.inference.estimates import Estimate, Joint
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
-from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
-from stagectl.gap.selection.refine import Fitted
-from stagectl.kernels import friction, stage
-from tests.gap.captured import CONFIG
 
 NOTHING: Any = None
 
@@ -129,46 +122,3 @@ def test_a_parameter_given_another_is_what_the_fit_would_say_without_that_one() 
     assert alone.value == pytest.approx(0.8 + 0.24 / 0.25 * 0.2)
     assert alone.deviation == pytest.approx((0.25 - 0.24**2 / 0.25) ** 0.5)
     assert joint.given("viscous", []).deviation == pytest.approx(0.5)
-
-
-def test_each_tenth_of_the_friction_turns_round_after_a_tenth_of_its_length() -> None:
-    """One stop operator of 3 um: straight to its end, after twice its slip."""
-    p = stage.Friction(friction.bundle([2.0], [3e-6]), friction.Stribeck())
-    assert parameter_errors.turning_points(p) == pytest.approx(np.arange(1, 10) * 0.6e-6, rel=0.02)
-
-
-@pytest.mark.parametrize(("slips", "sure"), [([1.5e-6, 6e-6, 1.5e-5], True), ([3e-6, 4e-6, 5e-6], False)])
-def test_a_longer_zone_is_no_other_law(slips: list[float], sure: bool) -> None:
-    """All elements half as long again; or as long on the average, and one sharper than all before."""
-    p, known = load_stage(CONFIG / "ball-screw.yaml").stage, Errors(NOTHING, (), np.empty((0, 0)), NOTHING)
-    before, after = (friction_of([1e-6, 4e-6, 1e-5]), friction_of(slips))
-    session: Any = SimpleNamespace(stage=p._replace(friction=before), kind="rotary")
-    now = Fitted(TrackedModel(p._replace(friction=after), NOTHING), (), [], 0.0)
-    (found,) = parameter_errors._presliding(session, now, [known])
-    assert found.sure is sure
-    if sure:
-        assert found.change == pytest.approx(0.5, rel=0.02)
-
-
-def friction_of(slips: list[float]) -> stage.Friction:
-    return stage.Friction(friction.bundle([1.0] * len(slips), slips), friction.Stribeck())
-
-
-def test_the_rolling_zone_is_as_uncertain_as_its_elements() -> None:
-    """Three elements of equal weight turn round one after the other: more of the longest, and all is later.
-
-    Errors that are common to all elements change the friction, and not its length.
-    """
-    p = load_stage(CONFIG / "ball-screw.yaml").stage
-    model = TrackedModel(
-        p._replace(friction=friction_of([1e-6, 4e-6, 1e-5])),
-        NOTHING,
-    )
-    now, names = Fitted(model, (), [], 0.0), tuple(f"weight_{k}" for k in range(3))
-    error = {}
-    for size in (0.0, 0.01, 0.02):
-        of_last = np.diag([0.0, 0.0, size**2])
-        error[size] = parameter_errors._length_error(now, Errors(NOTHING, names, of_last, NOTHING))
-    assert error[0.0] == 0.0 < error[0.01] and error[0.02] == pytest.approx(2.0 * error[0.01], rel=0.2)
-    common = Errors(NOTHING, names, np.full((3, 3), 0.02**2), NOTHING)
-    assert parameter_errors._length_error(now, common) < 0.1 * error[0.02]
