@@ -7,6 +7,7 @@ in for the others, the one that explains most alone counts, and the others are i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -163,12 +164,14 @@ def _probability(name: str, p: Estimate) -> float:
 
 
 def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], before: float) -> Iterator[Shift]:
-    """The shift of the rolling zone's length; none without friction, which has no rolling zone."""
+    """The shift of the rolling zone's length, if one is probable; without friction there is no rolling zone."""
     sizes = [stage.sliding(p.friction) for p in (session.stage, now.model.stage)]
     if min(sizes) > thresholds.FRICTIONLESS * max(sizes):
         views = [rolling_zone.length(session.stage.friction, now, errors) for errors in known]
-        misfit = rolling_zone.misfit(session.stage.friction, e, now, views[0].value / views[0].nominal)
-        yield _shift("presliding", views, misfit / before, session.kind)
+        shift = _shift("presliding", views, math.inf, session.kind)
+        if shift.sure:
+            ratio = views[0].value / views[0].nominal
+            yield shift._replace(share=rolling_zone.misfit(session.stage.friction, e, now, ratio) / before)
 
 
 def of_force(known: Sequence[Shift]) -> list[Shift]:

@@ -1,8 +1,8 @@
 """How long the rolling zone is, next to another law of friction.
 
 Laws differ in form, and any fit bends the form.  A zone that is twice as long turns each tenth of the friction round
-after twice the displacement: by how much these ratios differ is the length's error.  And a length explains what the
-model's own law explains once it is stretched; what a free law explains beyond that is its form.
+after twice the displacement: by how much these ratios differ is the length's error.  And a length explains what no law
+explains that is as long as before.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from stagectl.gap.inference.estimates import Estimate
 from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
+from stagectl.gap.residuals.thresholds import BRISTLE_EXPONENTS
 from stagectl.gap.selection import baseline_fit, constants, refine
 from stagectl.gap.selection.priors import WEIGHT
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.kernels import stage
+from stagectl.kernels import friction, stage
+from stagectl.kernels.friction_bristle import Bristle
 
 SIZE, LENGTH = "bristle_size", "bristle_length"  # columns of a nominal bristle
 
@@ -58,11 +60,21 @@ def _of_elements(now: Fitted, known: Errors) -> float:
 
 
 def misfit(nominal: stage.Friction, e: Evidence, now: Fitted, ratio: float) -> float:
-    """Sum of squares that comes back where the `nominal` law, stretched by `ratio`, is as long again as before."""
-    law = stage.scaled_friction(nominal, stage.sliding(now.model.stage.friction) / stage.sliding(nominal))
+    """Sum of squares that comes back where the best law, stretched by `ratio`, gives way to the best that is not."""
+    factor = stage.sliding(now.model.stage.friction) / stage.sliding(nominal)
+    known = [stage.scaled_friction(law, factor) for law in laws(nominal)]
     products = refine.tangent(e, now, refine.parameters(now))
-    short, long = (_left(e, now, products, each) for each in (law, stage.stretched_friction(law, ratio)))
-    return max(short - long, 0.0)
+    stretched = [stage.stretched_friction(law, ratio) for law in known]
+    before, after = (min(_left(e, now, products, law) for law in group) for group in (known, stretched))
+    return max(before - after, 0.0)
+
+
+def laws(nominal: stage.Friction) -> list[stage.Friction]:
+    """The `nominal` law, and Dahl's with its size and length: as far apart as laws of friction are."""
+    size, length = stage.sliding(nominal), _mean(nominal)
+    bristles = (Bristle(size, size / length, n, 0.0, nominal.stribeck) for n in BRISTLE_EXPONENTS)
+    others = [nominal._replace(operators=friction.bundle([0.0], [1.0]), bristle=bristle) for bristle in bristles]
+    return [nominal, *(stage.stretched_friction(law, length / _mean(law)) for law in others)]
 
 
 def _left(e: Evidence, now: Fitted, products: gram_matrices.Products, law: stage.Friction) -> float:

@@ -38,19 +38,22 @@ def test_a_stretch_is_a_length_and_another_law_an_error_of_it() -> None:
     assert other.deviation > abs(other.value - other.nominal)
 
 
-def test_a_length_is_worth_what_the_models_own_law_gains_by_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The nominal law, as large as the fitted one, as it is and stretched."""
-    tried = []
+def test_a_length_is_worth_what_no_law_of_the_old_length_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Laws as large as the fitted one, as long as before and stretched: only the best of each counts."""
+    tried: list[stage.Friction] = []
     monkeypatch.setattr(refine, "tangent", lambda *_: NOTHING)
 
     def left(_e: Any, _now: Any, _products: Any, law: stage.Friction) -> float:
         tried.append(law)
-        return 10.0 - len(tried)
+        return costs[len(tried) - 1]
 
+    costs = [9.0, 7.0, 8.0, 9.0, 5.0, 6.0, 6.0, 6.0]
     monkeypatch.setattr(rolling_zone, "_left", left)
-    assert rolling_zone.misfit(friction_of([1e-6, 2e-6]), NOTHING, fitted([1e-6] * 3), 1.5) == pytest.approx(1.0)
-    assert [stage.sliding(law) for law in tried] == pytest.approx([3.0, 3.0])
-    assert list(tried[0].operators.slip) == [1e-6, 2e-6] and tried[1].operators.slip == pytest.approx([1.5e-6, 3e-6])
+    nominal = friction_of([1e-6, 2e-6])
+    assert rolling_zone.misfit(nominal, NOTHING, fitted([1e-6] * 3), 1.5) == pytest.approx(2.0)
+    assert [stage.sliding(law) for law in tried] == pytest.approx([3.0] * 8)
+    means = [rolling_zone._mean(law) for law in tried]
+    assert means == pytest.approx([rolling_zone._mean(nominal)] * 4 + [1.5 * rolling_zone._mean(nominal)] * 4, rel=0.01)
 
 
 def friction_of(slips: list[float]) -> stage.Friction:
