@@ -66,7 +66,7 @@ def misfit(nominal: stage.Friction, e: Evidence, now: Fitted, ratio: float) -> f
     products = refine.tangent(e, now, refine.parameters(now))
     stretched = [stage.stretched_friction(law, ratio) for law in known]
     before, after = (min(_left(e, now, products, law) for law in group) for group in (known, stretched))
-    return max(before - after, 0.0)
+    return max(before - after, 0.0) if math.isfinite(after) else 0.0
 
 
 def laws(nominal: stage.Friction) -> list[stage.Friction]:
@@ -89,4 +89,6 @@ def _left(e: Evidence, now: Fitted, products: gram_matrices.Products, law: stage
     others = np.eye(len(g.names) + 1)[:, [k for k, name in enumerate((*g.names, "")) if name not in form]]
     columns = np.column_stack([size, others])
     summed = columns.T @ g.both.sum(axis=0) @ columns
+    if not np.isfinite(summed).all():  # its simulation has diverged
+        return math.inf
     return least_squares.fit(summed, range(len(summed) - 1)).residual_sum_of_squares
