@@ -7,7 +7,6 @@ in for the others, the one that explains most alone counts, and the others are i
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -81,7 +80,7 @@ def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], 
         _shift(name, [view.given(name, part.given) for view in views], part.misfit / before, session.kind, part.alike)
         for name, part in parts.items()
     ]
-    return [*of_columns, *_presliding(session, e, now, known, before)]
+    return [*of_columns, *_presliding(session, now, known)]
 
 
 def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
@@ -163,15 +162,16 @@ def _probability(name: str, p: Estimate) -> float:
     return float(expit(odds) * beyond)
 
 
-def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], before: float) -> Iterator[Shift]:
-    """The shift of the rolling zone's length, if one is probable; without friction there is no rolling zone."""
-    sizes = [stage.sliding(p.friction) for p in (session.stage, now.model.stage)]
+def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> Iterator[Shift]:
+    """The shift of the rolling zone's length; without friction there is no rolling zone.
+
+    It has no column of its own, so it counts as material.
+    """
+    nominal = session.stage.friction
+    sizes = [stage.sliding(p) for p in (nominal, now.model.stage.friction)]
     if min(sizes) > thresholds.FRICTIONLESS * max(sizes):
-        views = [rolling_zone.length(session.stage.friction, now, errors) for errors in known]
-        shift = _shift("presliding", views, math.inf, session.kind)
-        if shift.sure:
-            ratio = views[0].value / views[0].nominal
-            yield shift._replace(share=rolling_zone.misfit(session.stage.friction, e, now, ratio) / before)
+        views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors)]
+        yield _shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)
 
 
 def of_force(known: Sequence[Shift]) -> list[Shift]:

@@ -9,7 +9,6 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap.inference import rolling_zone
 from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.residuals.sensitivities import TrackedModel
-from stagectl.gap.selection import refine
 from stagectl.gap.selection.refine import Fitted
 from stagectl.kernels import friction, stage
 from tests.gap.captured import CONFIG
@@ -32,28 +31,21 @@ def test_a_stretch_is_a_length_and_another_law_an_error_of_it() -> None:
     """All elements half as long again; and about as long on the average, but all of one length."""
     known = Errors(NOTHING, (), np.empty((0, 0)), NOTHING)
     before = friction_of([1e-6, 4e-6, 1e-5])
-    longer = rolling_zone.length(before, fitted([1.5e-6, 6e-6, 1.5e-5]), known)
+    longer = rolling_zone.lengths(before, fitted([1.5e-6, 6e-6, 1.5e-5]), known)[0]
     assert longer.value == pytest.approx(1.5 * longer.nominal, rel=0.01) and longer.deviation < 0.01 * longer.value
-    other = rolling_zone.length(before, fitted([3e-6, 4e-6, 5e-6]), known)
+    other = rolling_zone.lengths(before, fitted([3e-6, 4e-6, 5e-6]), known)[0]
     assert other.deviation > abs(other.value - other.nominal)
 
 
-def test_a_length_is_worth_what_no_law_of_the_old_length_gains(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Laws as large as the fitted one, as long as before and stretched: only the best of each counts."""
-    tried: list[stage.Friction] = []
-    monkeypatch.setattr(refine, "tangent", lambda *_: NOTHING)
-
-    def left(_e: Any, _now: Any, _products: Any, law: stage.Friction) -> float:
-        tried.append(law)
-        return costs[len(tried) - 1]
-
-    costs = [9.0, 7.0, 8.0, 9.0, 5.0, 6.0, 6.0, 6.0]
-    monkeypatch.setattr(rolling_zone, "_left", left)
-    nominal = friction_of([1e-6, 2e-6])
-    assert rolling_zone.misfit(nominal, NOTHING, fitted([1e-6] * 3), 1.5) == pytest.approx(2.0)
-    assert [stage.sliding(law) for law in tried] == pytest.approx([3.0] * 8)
-    means = [rolling_zone._mean(law) for law in tried]
-    assert means == pytest.approx([rolling_zone._mean(nominal)] * 4 + [1.5 * rolling_zone._mean(nominal)] * 4, rel=0.01)
+def test_a_rise_at_rest_makes_the_zone_longer_or_not() -> None:
+    """Two thirds as long, under a friction that holds half as much again at rest: it ends where it did."""
+    before, now = friction_of([3e-6, 6e-6]), fitted([2e-6, 4e-6])
+    rising = now.model.stage.friction._replace(stribeck=friction.Stribeck(0.5, 1.0))
+    model = now.model._replace(stage=now.model.stage._replace(friction=rising))
+    none = Errors(NOTHING, (), np.empty((0, 0)), NOTHING)
+    plain, risen = rolling_zone.lengths(before, now._replace(model=model), none)
+    assert plain.value == pytest.approx(2.0 / 3.0 * plain.nominal, rel=0.01)
+    assert risen.value == pytest.approx(risen.nominal, rel=0.01)
 
 
 def friction_of(slips: list[float]) -> stage.Friction:
