@@ -21,12 +21,7 @@ from stagectl.gap.result.verdict_text import sentence
 
 PER_UNIT = 0.012 / (2.0 * math.pi)  # m per rad
 MICRON = 1e-6 / PER_UNIT  # rad
-SPEED = np.linspace(-60.0, 60.0, 600)  # rad/s
 _RANDOM = np.random.default_rng(4)
-
-
-def curve(model: np.ndarray, noise: float = 0.02) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return SPEED, model + noise * _RANDOM.standard_normal(len(SPEED)), model
 
 
 ASYMMETRY = FoundEffect(
@@ -37,7 +32,6 @@ ASYMMETRY = FoundEffect(
     {"share": Value(0.1823, 0.1741, 0.1905, "")},
     fields=(("mechanics.bias", 0.031),),
     coordinate="speed",
-    curve=curve(0.0025 * np.abs(SPEED)),
 )
 COGGING = FoundEffect(
     "cogging",
@@ -52,9 +46,7 @@ COGGING = FoundEffect(
     block="drive",
     fields=(("drive.current_lag", 2.5e-4),),
     coordinate="position_mod_pitch",
-    curve=(np.linspace(0.0, 2.0 * np.pi, 400), *curve(0.02 * np.sin(4.0 * np.linspace(0.0, 2.0 * np.pi, 600)))[1:]),
 )
-COGGING = COGGING._replace(curve=tuple(column[:400] for column in COGGING.curve))  # type: ignore[union-attr, arg-type]
 VISCOUS = FoundEffect(
     "viscous",
     (),
@@ -64,7 +56,6 @@ VISCOUS = FoundEffect(
     fields=(("mechanics.viscous", 0.1681),),
     parameter=True,
     coordinate="speed",
-    curve=curve(0.028 * SPEED),
 )
 PRESLIDING = FoundEffect(
     "presliding",
@@ -80,9 +71,8 @@ PRESLIDING = FoundEffect(
         ("friction.stribeck.velocity", 4.0),
     ),
     coordinate="displacement_since_reversal",
-    curve=(np.linspace(0.0, 50.0 * MICRON, 600), *curve(0.2 * np.exp(-np.linspace(0.0, 8.0, 600)))[1:]),
 )
-WEAK = ASYMMETRY._replace(name="stribeck", probability=0.21, share=0.02, fields=(), curve=None)
+WEAK = ASYMMETRY._replace(name="stribeck", probability=0.21, share=0.02, fields=())
 
 
 def gap(before: float, after: float, floor: float = 0.21) -> Gap:

@@ -113,13 +113,11 @@ def test_json_has_the_keys_of_the_design_and_comes_back(verdict: str, tmp_path: 
     )
 
 
-def test_curves_and_shapes_come_back(tmp_path: Path) -> None:
+def test_shapes_come_back(tmp_path: Path) -> None:
     sentence = found("effects+unknown", effects=(COGGING,), unknown=SHAPE._replace(fields=(("mechanics.bias", 1.0),)))
     back = load(save(sentence, tmp_path))
     assert back.unknown is not None and back.unknown.fields == (("mechanics.bias", 1.0),)
     np.testing.assert_array_equal(back.unknown.force, SHAPE.force)
-    assert back.effects[0].curve is not None and COGGING.curve is not None
-    np.testing.assert_array_equal(back.effects[0].curve[1], COGGING.curve[1])
 
 
 def test_what_is_no_number_is_null() -> None:

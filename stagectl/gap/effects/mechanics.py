@@ -35,10 +35,12 @@ def _viscous_nonlinear(s: Scales) -> Parameters:
 
 
 def _cable_spring(s: Scales) -> Parameters:
-    def apply(p: Stage, v: Values) -> Stage:
-        return put(p, "mechanics.cable", p.mechanics.cable._replace(stiffness=v["stiffness"], centre=s.centre))
-
-    return Parameters((Amplitude("stiffness", _STIFFNESS, (0.1 * s.coulomb / s.stroke,)),), (), apply)
+    """Fitted around the middle of the travel, where it is no constant force; `cable_centre` finds its own centre."""
+    return Parameters(
+        (Amplitude("stiffness", _STIFFNESS, (0.1 * s.coulomb / s.stroke,)),),
+        (Shape("centre", "rad | m", (s.centre,), False, s.centre - s.stroke, s.centre + s.stroke),),
+        filled("mechanics.cable", stiffness="stiffness", centre="centre"),
+    )
 
 
 def _cable_hysteresis(s: Scales) -> Parameters:

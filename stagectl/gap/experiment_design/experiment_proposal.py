@@ -78,27 +78,24 @@ def next_experiment(
     return propose(session, models, result.gap.floor)
 
 
-def propose(session: Session, models: Models, floor: float, seen: Collection[str] = ()) -> NextExperiment | None:
+def propose(session: Session, models: Models, floor: float) -> NextExperiment | None:
     """The experiment that separates `models`, each of which explains the data of `session`.
 
-    `floor` (rad | m rms) is what repeats differ by in position, for a session without repeats; `seen` are names of
-    experiments that were recorded elsewhere.  With fewer than two models it is the one for what no run has shown.  None
-    where nothing is left to show, or neither a motion nor a change by hand separates them.  Raises GapError where no
-    log moves.
+    `floor` (rad | m rms) is what repeats differ by in position, for a session without repeats.  With fewer than two
+    models it is the one for what no run has shown.  None where nothing is left to show, or neither a motion nor a
+    change by hand separates them.  Raises GapError where no log moves.
     """
     within = operating_range(session)
     if len(models) < 2:
         return _uncovered(session, within, floor)
-    best = _best(session, within, models, floor, {*seen, *(log.experiment for log in session.logs)})
+    best = _best(session, within, models, floor)
     if best is None or best.separation < thresholds.HIDDEN_SIGMA:
         return by_hand(tuple(models))
     return _separating(within, best, tuple(models))
 
 
-def _best(
-    session: Session, within: OperatingRange, models: Models, floor: float, known: Collection[str]
-) -> SimulatedExperiment | None:
-    noise = prediction_distance.noise_of(session, floor)
+def _best(session: Session, within: OperatingRange, models: Models, floor: float) -> SimulatedExperiment | None:
+    noise, known = prediction_distance.noise_of(session, floor), {log.experiment for log in session.logs}
     smooth = _without_steps(models)
     recipes = {name: recipe for name, recipe in catalogue.RECIPES.items() if name not in known}
     chosen = promising(made(within.scale, recipes), tuple(models))

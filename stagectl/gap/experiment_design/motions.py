@@ -34,10 +34,10 @@ def move(
     return Trapezoid(rounded(distance), rounded(velocity), rounded(acceleration), dwell, 1, one_way)
 
 
-def sine(p: StageScale, amplitude: float, frequency: float, periods: float = 3.0, ramp: float = 1.0) -> Sine:
+def sine(p: StageScale, amplitude: float, frequency: float, periods: float = 3.0) -> Sine:
     """A sine of `amplitude` (m), or of what firm use of the machine allows."""
     largest = largest_amplitude(p, thresholds.FIRM, frequency)
-    return Sine(rounded(min(amplitude, largest)), rounded(frequency), periods, ramp)
+    return Sine(rounded(min(amplitude, largest)), rounded(frequency), periods, 1.0)
 
 
 def at_speed(p: StageScale, speed: float, frequency: float, periods: float = 3.0) -> Sine:

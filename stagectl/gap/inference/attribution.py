@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.effects.effect import CONTROLLER, DRIVE, MECHANICS
-from stagectl.gap.inference.time_localisation import excess
 from stagectl.gap.result.diagnosis import BLOCKS, NAMED, PARAMETERS, UNEXPLAINED, Coordinate, FoundEffect, Part
+from stagectl.gap.selection import refine
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
 
@@ -19,7 +19,9 @@ from stagectl.gap.selection.select import Selection
 def parts_of(e: Evidence, selected: Selection, found: Sequence[FoundEffect]) -> tuple[Part, ...]:
     """Shares of what the nominal model leaves above the floor of repeats: effects, parameters, the unexplained."""
     named = [effect for effect in found if effect.probability >= NAMED]
-    before, after = (max(float(excess(e, residuals).sum()), 0.0) for residuals in (e.base.before, e.base.after))
+    before, after = (
+        max(refine.total(e, residuals) - refine.floor(e), 0.0) for residuals in (e.base.before, e.base.after)
+    )
     effects = [
         Part(effect.name, effect.block, effect.coordinate, selected.gains.get(effect.name, 0.0))
         for effect in named

@@ -10,7 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.controller_check.command_check import CommandCheck
-from stagectl.gap.inference import attribution, parameter_errors, shifted_parameters, time_localisation, verdict
+from stagectl.gap.inference import (
+    attribution,
+    cable_centre,
+    parameter_errors,
+    shifted_parameters,
+    time_localisation,
+    verdict,
+)
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import coordinates
 from stagectl.gap.inference.shape_fits import with_shape
@@ -51,11 +58,10 @@ def conclude(
 ) -> Conclusions:
     """Names, values and the unknown, without the effects that are `excluded`."""
     now, sure = selected.fitted, verdict.only_named(e, selected)
-    left = unknown(e, sure, functions)
-    shape = left.term if left else None
+    shape = unknown(e, sure, functions)
     known = list(errors(e, library, now, functions).values())
     largest = {name: max(each.deviations()[name] for each in known) for name in known[0].names}
-    effects = verdict.named_effects(session, e, selected, largest)
+    effects = verdict.named_effects(session, e, selected, cable_centre.with_centre(now, largest))
     before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
     shifts = shifted_parameters.shifted(session, parameter_errors.shifts(session, e, now, known, before), now)
     richest = with_shape(e, sure.fitted, shape) if shape is not None and shape.fields else now

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.inference import cable_centre
 from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, least_squares
@@ -45,7 +46,7 @@ class Joint(NamedTuple):
 
 
 def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Joint:
-    """Values of the parameters whose errors are known."""
+    """Values of the parameters whose errors are known; a spring's centre may be what a bias seems to be."""
     p, q, delay = session.stage, now.model.stage, [whole_delay(p, session.dt) for p in (now.model.stage, session.stage)]
     values = {
         "inertia": (q.mechanics.inertia, p.mechanics.inertia, p.mechanics.inertia),
@@ -58,7 +59,8 @@ def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Join
     rows = {name: _functional(name, known.names) for name in values}
     names = [name for name, row in rows.items() if name == "coulomb" or row.any()]
     of_columns = np.array([rows[name] for name in names])
-    matrix = of_columns @ known.matrix @ of_columns.T
+    of_centre = [cable_centre.reach(now) if name == cable_centre.BIAS else 0.0 for name in names]
+    matrix = of_columns @ known.matrix @ of_columns.T + np.diag(np.square(of_centre))
     deviation = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     estimate = {}
     for name, spread in zip(names, deviation.tolist(), strict=True):

@@ -7,23 +7,22 @@ in for the others, the one that explains most alone counts, and the others are i
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit, ndtr
 
 from stagectl.gap.effects.library import FORCE_SCALED
-from stagectl.gap.inference import thresholds
+from stagectl.gap.inference import rolling_zone, thresholds
 from stagectl.gap.inference.estimates import Estimate, estimates, whole_delay
 from stagectl.gap.inference.value_errors import Errors, log_odds
-from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
+from stagectl.gap.logs.session import Session
+from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
-from stagectl.gap.selection import baseline_fit, constants, refine
+from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -163,39 +162,16 @@ def _probability(name: str, p: Estimate) -> float:
     return float(expit(odds) * beyond)
 
 
-def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> list[Shift]:
-    """The shift of the rolling zone's length; none without friction, which has no rolling zone.
+def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> Iterator[Shift]:
+    """The shift of the rolling zone's length; without friction there is no rolling zone.
 
-    It has no column of its own, so it counts as material.  Its deviation is what the errors of all elements make of it.
+    It has no column of its own, so it counts as material.
     """
-    p, q = session.stage.friction, now.model.stage.friction
-    if min(stage.sliding(p), stage.sliding(q)) < thresholds.FRICTIONLESS * max(
-        stage.sliding(p), stage.sliding(q), 1e-300
-    ):
-        return []
-    before, after = half_way(p), half_way(q)
-    errors = [max(_half_way_error(now, each), thresholds.PRESLIDING_ERROR * before) for each in known]
-    views = [Estimate(after, before, error, before, constants.LENGTH * before) for error in errors]
-    return [_shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
-
-
-def _half_way_error(now: Fitted, known: Errors) -> float:
-    """Standard error of `half_way`: what it moves by where each element moves by its own error."""
-    places = [k for k, name in enumerate(known.names) if name.startswith("weight_") or name == "bristle_length"]
-    matrix = known.matrix[np.ix_(places, places)]
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    still = {baseline_fit.weight_name(k): 0.0 for k in range(len(now.model.stage.friction.operators.weight))}
-    moves = [{**still, known.names[place]: float(by)} for place, by in zip(places, size, strict=True)]
-    moved = [half_way(baseline_fit.moved(now.model, move, None, 1.0).stage.friction) for move in moves]
-    step = (np.array(moved) - half_way(now.model.stage.friction)) / size
-    return math.sqrt(max(float(step @ matrix @ step), 0.0))
-
-
-def half_way(p: stage.Friction) -> float:
-    """Displacement after a reversal at which half of the friction has turned round (rad | m)."""
-    grid = np.geomspace(1e-4, 3.0, 400) * friction_family.length(p)
-    curve: Array = friction_family.reversal(p, grid)
-    return float(np.interp(0.5 * curve[-1], curve, grid))
+    nominal = session.stage.friction
+    sizes = [stage.sliding(p) for p in (nominal, now.model.stage.friction)]
+    if min(sizes) > thresholds.FRICTIONLESS * max(sizes):
+        views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors)]
+        yield _shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)
 
 
 def of_force(known: Sequence[Shift]) -> list[Shift]:

@@ -26,13 +26,12 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Columns, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import baseline_fit, null_ensemble, refine
+from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
 
 SINGLE = ((EVEN,), (ODD,), (EVEN, ODD))  # parts of a function of one coordinate and the direction
 WITH_ACCELERATION = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # tried where no single coordinate is enough
-LEVELS = {EVEN: "bias", ODD: baseline_fit.weight_name(0)}  # what acts as a part that is the same everywhere
 COMBINED = ("speed", "position")  # coordinates that are combined with the acceleration
 
 
@@ -48,12 +47,6 @@ class ShapeFit(NamedTuple):
     def clear(self, least: float) -> bool:
         """Whether it predicts enough, and gains more than `least` and than any friction law gives."""
         return self.share >= UNKNOWN_PREDICTED and self.gain > max(least, self.limit)
-
-
-class Unexplained(NamedTuple):
-    """What no effect explains."""
-
-    term: UnknownTerm
 
 
 def own_columns(e: Evidence, now: Fitted) -> Columns:
@@ -165,7 +158,7 @@ def size(amplitudes: Array) -> float:
     return max(float(np.sqrt(np.mean(amplitudes * amplitudes))), 1e-300)
 
 
-def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unexplained:
+def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> UnknownTerm:
     """Force over the coordinate, fitted together with the base's parameters, which have absorbed a part of it.
 
     `products` hold the columns of the function, of these parameters and of those of the effects.
@@ -177,8 +170,7 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Une
     by_part = dict(zip(fit.parts, np.split(amplitudes, len(fit.parts)), strict=True))
     grid, force = _force(fit.basis, by_part)
     shape = UnknownTerm(fit.basis.coordinate, grid, force, min(fit.share, 1.0))
-    shape = shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
-    return Unexplained(shape)
+    return shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
 
 
 def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array, Array]:

@@ -23,7 +23,6 @@ SHIFT_LEAST |= {"time_shift": 0.1, "dead_time": 0.1}  # control periods
 SHIFT_ODDS = dict.fromkeys(("inertia", "viscous", "coulomb", "presliding", "bias", "dead_time"), 1.0)
 SHIFT_ODDS |= {"time_shift": INCLUSION}
 FRICTIONLESS = 0.01  # of the larger Coulomb friction, nominal or fitted; chosen. Below, its length has no meaning.
-PRESLIDING_ERROR = 0.03  # of the length; chosen. Its least standard deviation: the elements lie on a grid.
 COMMON_SPREAD = 0.006  # of log J, log D, log T_c; chosen. Within it their shifts are one common scale.
 COMMON_LEAST = 0.01  # relative shift; chosen. Each of the three must exceed it.
 COMMON_ERROR = 0.002  # of the scale; chosen. Smallest standard deviation that its interval is given.

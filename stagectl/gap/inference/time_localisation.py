@@ -25,17 +25,6 @@ from stagectl.parallel import in_parallel
 Flags = NDArray[np.bool_]
 
 
-def excess(e: Evidence, residuals: Sequence[list[Array]]) -> Array:
-    """Sums of squares (2,) of effort and current above what repeats differ by."""
-    total = np.zeros(2)
-    for run, repeats, deviations in zip(e.runs, residuals, e.deviations, strict=True):
-        scale = len(repeats) / max(len(repeats) - 1, 1)
-        for residual, deviation in zip(repeats, deviations, strict=True):
-            weighted = run.weight[:, None] * np.stack([residual, deviation])
-            total += np.sum(weighted[0] ** 2, axis=0) - scale * np.sum(weighted[1] ** 2, axis=0)
-    return total
-
-
 class Contributor(NamedTuple):
     """One part of the diagnosis: the model with it and without it."""
 

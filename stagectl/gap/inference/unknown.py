@@ -14,11 +14,11 @@ from stagectl.gap.effects.effect import Scales
 from stagectl.gap.inference import basis_functions, shape_fits, unstructured_residual
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import means
-from stagectl.gap.inference.shape_fits import ShapeFit, Unexplained, best_of, floor_of, least_gain, repeats_of, shape_of
+from stagectl.gap.inference.shape_fits import ShapeFit, best_of, floor_of, least_gain, repeats_of, shape_of
 from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS, OF_KIN
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
-from stagectl.gap.result.diagnosis import UNORDERED
+from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -43,16 +43,17 @@ def functions(e: Evidence, size: Scales, library: Library) -> BasisColumns:
 
 
 def largest(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
-    """The most that a function of one coordinate predicts of the residual of `now`, over all repeats.
+    """The most that a function of one coordinate, or of the clock, predicts of the residual of `now`, over all repeats.
 
     0 where none predicts as much as an unknown must.
     """
-    least = least_gain(e)
+    least, repeats = least_gain(e), repeats_of(e)
     fits = shape_fits.single_coordinate(e, now, shape_fits.own_columns(e, now), smooth)
-    return max((fit.gain * repeats_of(e) for fit in fits if fit.clear(least)), default=0.0)
+    of_coordinates = [fit.gain * repeats for fit in fits if fit.clear(least)]
+    return max([*of_coordinates, unstructured_residual.clock_gain(e, now, smooth, least * repeats)[0]])
 
 
-def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> Unexplained | None:
+def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTerm | None:
     """The shape of the residual of `selected`, over the coordinate that orders it best; None where it has none.
 
     Noise has no order either: what was not repeated cannot be separated from it, so only a coordinate counts.
@@ -76,7 +77,7 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> Unexplain
 
 def _ordered(
     e: Evidence, selected: Selection, columns: tuple[Products, Columns], smooth: BasisColumns
-) -> Unexplained | None:
+) -> UnknownTerm | None:
     """The residual effort as a function of one coordinate, or of one coordinate and the acceleration there.
 
     `columns` are those of all nuisances, and those of the effects' own parameters.
@@ -111,7 +112,7 @@ def _explained(e: Evidence, selected: Selection) -> list[Explained]:
     ]
 
 
-def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, kindred: float) -> Unexplained | None:
+def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, kindred: float) -> UnknownTerm | None:
     """What repeats and is too much for any friction law, though nothing orders it; no term of the model.
 
     `kindred` is what an error in the form of a named effect may leave.
@@ -119,7 +120,7 @@ def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, 
     excess = sum(float(np.sum(residual * residual)) for residual in rows.residual) - floor_of(e)
     if excess < max(least_gain(e), BEYOND_FRICTION_LAWS * _worst_law(e, g), kindred):
         return None
-    return Unexplained(UNORDERED)
+    return UNORDERED
 
 
 def _worst_law(e: Evidence, g: Grams) -> float:

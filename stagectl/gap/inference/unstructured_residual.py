@@ -14,7 +14,6 @@ import numpy as np
 from stagectl.gap.inference import basis_functions, thresholds
 from stagectl.gap.inference.basis_functions import TIME, BasisColumns
 from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_squares, ridge_fit, scatter
-from stagectl.gap.inference.shape_fits import Unexplained
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products, folds, partialled_out
@@ -47,7 +46,7 @@ def mean_residual(now: Fitted, known: Products) -> MeanResidual:
     return MeanResidual(now, known, gram_matrices.fold_sums(known, means(now.residuals)))
 
 
-def in_a_band(e: Evidence, rows: FreeRows, least: float) -> Unexplained | None:
+def in_a_band(e: Evidence, rows: FreeRows, least: float) -> UnknownTerm | None:
     """A resonance: a band that holds most of the residual, and more than `least` and than any friction law.
 
     `rows` are those of the mechanics' cut.
@@ -64,10 +63,10 @@ def in_a_band(e: Evidence, rows: FreeRows, least: float) -> Unexplained | None:
     clear = held > thresholds.BAND_ABOVE_FORM * float((form + noise)[band].sum()) and held > least
     if not clear or held < thresholds.BAND_SHARE * whole:
         return None
-    return Unexplained(UnknownTerm(BANDS, *_spectrum(e, power, MECHANICS), min(held / whole, 1.0)))
+    return UnknownTerm(BANDS, *_spectrum(e, power, MECHANICS), min(held / whole, 1.0))
 
 
-def in_the_drive(e: Evidence, residual: MeanResidual) -> Unexplained | None:
+def in_the_drive(e: Evidence, residual: MeanResidual) -> UnknownTerm | None:
     """A current that repeats and that neither the model of the drive nor a delay of the record explains."""
     gram = residual.grams.current.sum(axis=0)
     if not gram[-1, -1] > 0.0:
@@ -83,26 +82,37 @@ def in_the_drive(e: Evidence, residual: MeanResidual) -> Unexplained | None:
         return None
     power = powers(e, free_rows(e, residual, DRIVE).residual) - powers(e, _noise(e, DRIVE))
     share = min(after / (after + floor), 1.0)
-    return Unexplained(UnknownTerm(BANDS, *_spectrum(e, power, DRIVE), share, block="drive"))
+    return UnknownTerm(BANDS, *_spectrum(e, power, DRIVE), share, block="drive")
 
 
-def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: float) -> Unexplained | None:
+def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: float) -> UnknownTerm | None:
     """Friction or damping that has changed from run to run in another way than any effect named."""
-    if functions.clock is None:
+    gain, share = clock_gain(e, now, functions, least)
+    if functions.clock is None or not gain:
         return None
-    after, before = (gram_matrices.fold_sums(functions.clock, residuals) for residuals in (now.residuals, e.base.after))
-    (gain, noise), (first, _) = _clock_gain(e, after), _clock_gain(e, before)
-    if gain < max(thresholds.CLOCK_OF_NOISE * noise, thresholds.CLOCK_OF_FORM * first, least):
-        return None
-    nuisances = after.places(refine.nuisances(e))
-    amplitudes = ridge_fit(after.effort.sum(axis=0), after.places(basis_functions.CLOCK), nuisances)[len(nuisances) :]
+    g = gram_matrices.fold_sums(functions.clock, now.residuals)
+    nuisances = g.places(refine.nuisances(e))
+    amplitudes = ridge_fit(g.effort.sum(axis=0), g.places(basis_functions.CLOCK), nuisances)[len(nuisances) :]
     (side, damping), half = np.split(amplitudes, 2), 0.5 * functions.size.speed
     course = side + half * damping
-    force, share = course - course.mean(), min(gain / max(first, gain), 1.0)
-    return Unexplained(UnknownTerm(TIME, basis_functions.knots(e.runs), force, share))
+    return UnknownTerm(TIME, basis_functions.knots(e.runs), course - course.mean(), share)
 
 
-def _clock_gain(e: Evidence, g: Grams) -> tuple[float, float]:
+def clock_gain(e: Evidence, now: Fitted, functions: BasisColumns, least: float) -> tuple[float, float]:
+    """Sum of squares that a course over the clock predicts of `now`, and its share of that before the fit.
+
+    0 where it is no more than `least`, or than noise and errors of form give.
+    """
+    if functions.clock is None:
+        return 0.0, 0.0
+    grams = (gram_matrices.fold_sums(functions.clock, residuals) for residuals in (now.residuals, e.base.after))
+    (gain, noise), (first, _) = (_predicted(e, g) for g in grams)
+    if gain <= 0.0 or gain < max(thresholds.CLOCK_OF_NOISE * noise, thresholds.CLOCK_OF_FORM * first, least):
+        return 0.0, 0.0
+    return gain, min(gain / max(first, gain), 1.0)
+
+
+def _predicted(e: Evidence, g: Grams) -> tuple[float, float]:
     """Sums of squares that a course over the clock predicts, and that it leaves."""
     free = partialled_out(folds(g, g.effort), g.places(refine.nuisances(e)))
     before, after = predicted_squares(free, g.places(basis_functions.CLOCK))

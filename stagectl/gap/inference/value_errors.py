@@ -133,7 +133,7 @@ def log_odds(moved: Array, error: Array, prior: Array) -> float:
     Statistics 42(1), 1971.
     """
     size, axes = np.linalg.eigh(error / np.outer(prior, prior))
-    size = np.maximum(size, constants.LEAST_ERROR**2)
+    size = np.maximum(size, np.finfo(np.float64).eps)  # no value is known better than rounding lets it
     away = axes.T @ (moved / prior)
     return float(0.5 * np.sum((np.log(size) + away**2 / size)[size < 1.0]))
 

@@ -44,8 +44,6 @@ class FoundEffect(NamedTuple):
     parameter: bool = False  # every model has it: an error of its value
     coordinate: str = "none"
     choices: tuple[tuple[str, Fields], ...] = ()  # alternatives in its place, with their fields
-    curve: tuple[Array, Array, Array] | None = None  # coordinate, residual, and what the effect explains of it
-    curve_unit: str = ""  # of residual and model; empty: that of the effort
 
 
 class Gap(NamedTuple):

@@ -1,6 +1,6 @@
 """The diagnosis as JSON, and back: what pages, `gap apply` and `gap next` need.
 
-Traces are left out, as only the page draws them.  Curves are thinned to `MOST_POINTS`.
+Traces are left out, as only the page draws them.  The shape of the unknown is thinned to `MOST_POINTS`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from stagectl.problem import why_unread
 from stagectl.typed_json import TypedJsonError, decoded, encoded
 
 NAME = "diagnosis.json"
-MOST_POINTS = 400  # of a curve
+MOST_POINTS = 400  # of a shape
 _LARGEST = 50_000_000  # bytes of a file; a diagnosis has some 100 kB
 _KEYS = (
     *("verdict", "sentence", "reason", "effects", "gap", "gaps", "where", "shares", "next_experiment", "unknown"),
@@ -50,18 +50,13 @@ class NotADiagnosisError(GapError):
 
 def as_json(result: DiagnosisResult) -> Json:
     """Values that `json` writes; everything in SI and axis units."""
-    effects = tuple(effect._replace(curve=_thinned_curve(effect.curve)) for effect in result.effects)
     unknown = result.unknown
     if unknown is not None:
         unknown = unknown._replace(grid=_thinned(unknown.grid), force=_thinned(unknown.force))
-    fields = encoded(result._replace(effects=effects, unknown=unknown, traces=()), DiagnosisResult)
+    fields = encoded(result._replace(unknown=unknown, traces=()), DiagnosisResult)
     fields |= {"shares": [{"name": name, "share": share} for name, share in fields["shares"].items()]}
     groups = {key: {name: fields[name] for name in names} for key, names in _GROUPS.items()}
     return {key: groups.get(key, fields.get(key)) for key in _KEYS}
-
-
-def _thinned_curve(curve: tuple[Array, Array, Array] | None) -> tuple[Array, Array, Array] | None:
-    return None if curve is None else (_thinned(curve[0]), _thinned(curve[1]), _thinned(curve[2]))
 
 
 def _thinned(column: Array) -> Array:

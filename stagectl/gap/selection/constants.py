@@ -26,8 +26,6 @@ SHAPE = 0.5  # of its value: standard deviation of a refined shape; chosen.  Dec
 # Of the typical size: where the fitted amplitude is smaller, its column is taken at the typical one; chosen.  No name.
 LEAST_SIZE = 0.1
 
-LEAST_ERROR = 1e-6  # of a value's prior width: no value is known better; against rounding alone.
-
 # -- sets --------------------------------------------------------------------------------------------------------------
 BEAM = 12  # sets that are continued by one effect more; chosen.  Costs time alone: four are as good as twelve.
 MOST_EFFECTS = 4  # in one set; two score as four.

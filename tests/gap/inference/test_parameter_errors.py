@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stagectl.config.stage_file import load_stage
 from stagectl.gap.inference import parameter_errors
 from stagectl.gap.inference.estimates import Estimate, Joint
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
-from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
-from stagectl.gap.selection.refine import Fitted
-from stagectl.kernels import friction, stage
-from tests.gap.captured import CONFIG
 
 NOTHING: Any = None
 
@@ -128,29 +122,3 @@ def test_a_parameter_given_another_is_what_the_fit_would_say_without_that_one() 
     assert alone.value == pytest.approx(0.8 + 0.24 / 0.25 * 0.2)
     assert alone.deviation == pytest.approx((0.25 - 0.24**2 / 0.25) ** 0.5)
     assert joint.given("viscous", []).deviation == pytest.approx(0.5)
-
-
-def test_half_of_the_friction_turns_round_in_half_its_length() -> None:
-    """One stop operator of 3 um: straight to its end, after twice its slip."""
-    p = stage.Friction(friction.bundle([2.0], [3e-6]), friction.Stribeck())
-    assert parameter_errors.half_way(p) == pytest.approx(3e-6, rel=0.02)
-
-
-def test_the_rolling_zone_is_as_uncertain_as_its_elements() -> None:
-    """Three elements of equal weight turn round one after the other: more of the longest, and half way is later.
-
-    Errors that are common to all elements change the friction, and not its length.
-    """
-    p = load_stage(CONFIG / "ball-screw.yaml").stage
-    model = TrackedModel(
-        p._replace(friction=stage.Friction(friction.bundle([1.0] * 3, [1e-6, 4e-6, 1e-5]), friction.Stribeck())),
-        NOTHING,
-    )
-    now, names = Fitted(model, (), [], 0.0), tuple(f"weight_{k}" for k in range(3))
-    error = {}
-    for size in (0.0, 0.05, 0.1):
-        of_last = np.diag([0.0, 0.0, size**2])
-        error[size] = parameter_errors._half_way_error(now, Errors(NOTHING, names, of_last, NOTHING))
-    assert error[0.0] == 0.0 < error[0.05] and error[0.1] == pytest.approx(2.0 * error[0.05], rel=0.2)
-    common = Errors(NOTHING, names, np.full((3, 3), 0.1**2), NOTHING)
-    assert parameter_errors._half_way_error(now, common) < 0.1 * error[0.1]

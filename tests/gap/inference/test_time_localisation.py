@@ -11,6 +11,7 @@ import pytest
 from stagectl.gap.inference import time_localisation
 from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.result.diagnosis import FoundEffect, Value
+from stagectl.gap.selection import refine
 
 DT = 5e-4
 
@@ -29,8 +30,8 @@ def test_the_excess_is_what_repeats_do_not_differ_by() -> None:
     e = evidence(0.0, 0.0)
     noise = np.ones((100, 2))
     e.deviations = [[noise, -noise]]
-    assert time_localisation.excess(e, [[noise, -noise]]) == pytest.approx([-200.0, -200.0])
-    assert time_localisation.excess(e, [[noise + 2.0, -noise + 2.0]]) == pytest.approx([600.0, 600.0])
+    assert refine.total(e, [[noise, -noise]]) - refine.floor(e) == pytest.approx(-400.0)
+    assert refine.total(e, [[noise + 2.0, -noise + 2.0]]) - refine.floor(e) == pytest.approx(1200.0)
 
 
 def test_a_rare_effect_is_measured_where_it_acts() -> None:
