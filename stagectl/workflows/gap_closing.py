@@ -61,6 +61,7 @@ class Closing(NamedTuple):
     rounds: int  # at most
     seed: int
     repeats: int = REPEATS
+    only: tuple[str, ...] = ()  # names of the experiments that are recorded; empty: all
 
     def version(self, number: int) -> Path:
         """The stage file after so many rounds."""
@@ -186,7 +187,7 @@ def _where(found: DiagnosisResult) -> str:
 
 def _record(closing: Closing, setup: Setup, shown: Shown) -> None:
     machine = closing.machine._replace(setup=setup)
-    experiments = campaigns.chosen((*battery(setup), *held_out(setup)), [], [])
+    experiments = campaigns.chosen((*battery(setup), *held_out(setup)), [*closing.only], [])
     campaign = campaigns.planned(machine, experiments, closing.repeats, closing.records, closing.seed)
     if stopped := campaigns.record(campaign, shown)["stopped"]:
         raise GapError(f"the recording was stopped: {stopped}; the same command goes on")
