@@ -32,7 +32,7 @@ from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import EFFECTS, answered, coordinate_label, label
 from stagectl.gap.experiment_design.battery import battery, held_out
 from stagectl.gap.experiment_design.experiment import yaml_of
-from stagectl.gap.experiment_design.unseen import unseen
+from stagectl.gap.experiment_design.unseen import judged, unseen
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result import patch, result_json
@@ -42,6 +42,7 @@ from stagectl.number_format import length, percent
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
 from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, smaller
+from stagectl.workflows.closing_forecast import foretold
 from stagectl.workflows.closing_shares import shares
 from stagectl.workflows.layer_comparison import compare
 from stagectl.workflows.motion import Commanded, lasting, lay_out
@@ -214,11 +215,12 @@ def _compared(
         folder = place / motion.name
         folder.mkdir(parents=True, exist_ok=True)
         last = list(setups.values())[-1]
-        variants = {name: lay_out(setup, commanded, frozenset(), folder / "run.h5") for name, setup in setups.items()}
-        variants |= {
-            f"{WITHOUT}{name}": lay_out(last, commanded, frozenset({name}), folder / "run.h5") for name in left_out
-        }
-        outcome = compare(closing.machine, variants, (closing.repeats, closing.seed), shown, folder)
+        variants = {name: (setup, frozenset[str]()) for name, setup in setups.items()}
+        variants |= {f"{WITHOUT}{name}": (last, frozenset({name})) for name in left_out}
+        motions = {name: lay_out(setup, commanded, out, folder / "run.h5") for name, (setup, out) in variants.items()}
+        window = {"steady": judged(motion)}
+        motions = {name: laid._replace(meta={**laid.meta, **window}) for name, laid in motions.items()}
+        outcome = compare(closing.machine, motions, (closing.repeats, closing.seed), shown, folder)
         errors[motion.name] = {variant["name"]: variant for variant in outcome["variants"]}
     return errors
 
@@ -256,15 +258,14 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
         "share_intervals": {name: one.interval for name, one in gave.items()},
         "levels": {name: level(errors, name) for name in (BEFORE, AFTER)},
         "peaks": {name: level(errors, name, "peak") for name in (BEFORE, AFTER)},
-        "foretold": _foretold(closing, Path(answer["model"]), shown),
+        "foretold": _foretold(closing, Path(answer["model"]), errors, shown),
     }
 
 
-def _foretold(closing: Closing, model: Path, shown: Shown) -> dict[str, float]:
-    """The errors before and after on the same motions, simulated on the last `model`, with the noise of its file."""
+def _foretold(closing: Closing, model: Path, errors: Errors, shown: Shown) -> dict[str, float]:
+    """What the last `model` says of the `errors` on the machine before they are measured: see `closing_forecast`."""
     simulated = closing._replace(machine=Machine(closing.machine.setup, True, closing.setup(model)))
-    errors = _judged(simulated, model, FORETOLD, shown, ())
-    return {name: level(errors, name) for name in (BEFORE, AFTER)}
+    return foretold(errors, _judged(simulated, model, FORETOLD, shown, ()))
 
 
 def _judged(closing: Closing, model: Path, place: str, shown: Shown, effects: tuple[str, ...]) -> Errors:

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from stagectl.api.stage import DesignedStage
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.gap.experiment_design.unseen import unseen
+from stagectl.gap.experiment_design.unseen import judged, unseen
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.plan import Plan, plan
 from stagectl_studies.blind_closing import ANSWER, MODEL, RUNS, STAGE
@@ -202,8 +202,8 @@ def levels(axis: Axis, before: Setup, after: Setup) -> dict[str, float]:
 
 
 def planned_by(setup: Setup, motion: Any) -> Plan:
-    """The motion as this set-up lays it out."""
-    return plan(setup, motion.trajectory, setup.controller.feedforward)
+    """The motion as this set-up lays it out, with the window in which it is judged."""
+    return plan(setup, motion.trajectory, setup.controller.feedforward)._replace(steady=judged(motion))
 
 
 def oracle(axis: Axis, setup: Setup, base: Plan) -> Plan:
