@@ -4,8 +4,8 @@
 
     STAGE.yaml --> stage-0.yaml --> record --> diagnose --> stage-1.yaml --> compare on unseen motions --+
                                                   ^                                                      |
-                                                  +---------- the error shrank: the same records, <------+
-                                                              against the new model
+                                                  +----- it shrank: the same records, new model  <-------+
+                                                  +----- else: without the effects that were found <-----+
 
 The records are of the machine, whatever its model is: they are made once, with the controller of the first one.
 
@@ -51,6 +51,7 @@ from stagectl.workflows.trials import Machine, Result, Shown, ready
 REPEATS = 3  # of each experiment and of each comparison; chosen: the least that shows how much chance varies them
 
 
+Names = tuple[str, ...]
 FORETOLD = "foretold"  # folder of the runs that are simulated next to the machine's: they take none of its time
 
 
@@ -112,25 +113,27 @@ def close(closing: Closing, shown: Shown) -> Result:
 def _rounds(closing: Closing, begun: Path, shown: Shown) -> tuple[list[Round], str]:
     """All rounds from the version `begun` on, and why they ended."""
     rounds: list[Round] = []
-    ended = f"{closing.rounds} rounds were asked for"
+    current, struck = begun, tuple[str, ...]()  # effects of models that were not kept
     while len(rounds) < closing.rounds:
-        current = rounds[-1].stage if rounds else begun
-        outcome = _round(closing, current, len(rounds) + 1, shown)
+        outcome = _round(closing, current, len(rounds) + 1, struck, shown)
         if isinstance(outcome, str):
-            ended = outcome
-            break
+            return rounds, f"without {', '.join(map(label, struck))}: {outcome}" if struck else outcome
         rounds.append(outcome)
-        if not outcome.kept:
-            ended = refusal(outcome.errors)
-            break
-    return rounds, ended
+        if outcome.kept:
+            current = outcome.stage
+            continue
+        further = [name for name in outcome.found if not EFFECTS[name].nominal and name not in struck]
+        if not further:
+            return rounds, refusal(outcome.errors)
+        struck = (*struck, *further)
+    return rounds, refusal(rounds[-1].errors) or f"{closing.rounds} rounds were asked for"
 
 
-def _round(closing: Closing, stage: Path, number: int, shown: Shown) -> Round | str:
-    """One round from the model `stage`; words instead where there is nothing more to apply."""
+def _round(closing: Closing, stage: Path, number: int, struck: Names, shown: Shown) -> Round | str:
+    """One round from the model `stage`, `struck` effects left out; words instead where nothing more can be applied."""
     setup = closing.setup(stage)
     place = closing.folder / f"round-{number}"
-    found = _diagnosed(closing, setup, place, shown)
+    found = _diagnosed(closing, setup, place, struck, shown)
     if not found.named:
         return found.sentence.rstrip(".")
     try:
@@ -194,11 +197,11 @@ def _record(closing: Closing, setup: Setup, shown: Shown) -> None:
         raise GapError(f"the recording was stopped: {stopped}; the same command goes on")
 
 
-def _diagnosed(closing: Closing, setup: Setup, place: Path, shown: Shown) -> DiagnosisResult:
+def _diagnosed(closing: Closing, setup: Setup, place: Path, struck: Names, shown: Shown) -> DiagnosisResult:
     """What the records hold beyond the model of `setup`."""
     with shown.bar("diagnosis", 100) as update:
         session = load_session.load([closing.records], setup)
-        found = pipeline.diagnose(session, pipeline.Options(advice=False), in_percent(update)).result
+        found = pipeline.diagnose(session, pipeline.Options(struck, advice=False), in_percent(update)).result
         update(100, 100)
     place.mkdir(parents=True, exist_ok=True)
     result_json.save(found, place)
@@ -218,8 +221,7 @@ def _compared(
         variants = {name: (setup, frozenset[str]()) for name, setup in setups.items()}
         variants |= {f"{WITHOUT}{name}": (last, frozenset({name})) for name in left_out}
         motions = {name: lay_out(setup, commanded, out, folder / "run.h5") for name, (setup, out) in variants.items()}
-        window = {"steady": judged(motion)}
-        motions = {name: laid._replace(meta={**laid.meta, **window}) for name, laid in motions.items()}
+        motions = {name: laid._replace(meta={**laid.meta, "steady": judged(motion)}) for name, laid in motions.items()}
         outcome = compare(closing.machine, motions, (closing.repeats, closing.seed), shown, folder)
         errors[motion.name] = {variant["name"]: variant for variant in outcome["variants"]}
     return errors

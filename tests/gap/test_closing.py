@@ -147,3 +147,25 @@ def test_an_effect_that_is_dropped_is_named_in_the_new_stage_file(tmp_path: Path
     dropped = gap_closing._unanswered(closing, model, ("cogging", "backlash"))
     assert closing.setup(dropped).file.control.unanswered == ("motor.cogging", "mechanics.transmission")
     assert closing.setup(model).file.control.unanswered == ()
+
+
+def test_a_model_that_is_not_kept_is_sought_again_without_its_effects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not kept with cogging and its parameters, kept with the parameters alone, and then nothing is left."""
+    better, worse = measured([2e-6] * 3, [1e-6] * 3), measured([1e-6] * 3, [2e-6] * 3)
+    course = {(): (("cogging", "viscous"), worse), ("cogging",): (("viscous",), better)}
+    asked: list[tuple[str, ...]] = []
+
+    def told(_: Any, stage: Path, number: int, struck: tuple[str, ...], __: Any) -> gap_closing.Round | str:
+        asked.append(struck)
+        if number == 3:
+            return "nothing is left"
+        found, errors = course[struck]
+        return gap_closing.Round(stage, found, "", "", 0.9, errors, errors is better)
+
+    monkeypatch.setattr(gap_closing, "_round", told)
+    closing = gap_closing.Closing(Machine(load_stage(STAGE), True, None), tmp_path, 3, 1)
+    rounds, ended = gap_closing._rounds(closing, closing.version(0), SimpleNamespace())  # type: ignore[arg-type]
+    assert [done.kept for done in rounds] == [False, True]
+    assert asked == [(), ("cogging",), ("cogging",)] and ended == "without cogging: nothing is left"
