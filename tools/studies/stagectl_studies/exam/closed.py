@@ -8,9 +8,10 @@
                                                Session: the machine, and the session's clock
 
 Tracked are the motions on which `gap close` judged itself, run anew when it has ended: with the controller of the
-user's model, with that of the last one, and with the oracle's current.  What counts is the true position.  The oracle
-is the inverse of the machine along the reference: the current that the machine has learned without noise and rounding,
-and a target that holds what its encoder adds.  No feedforward from a model can do better.
+user's model, with that of the last one, and with the oracle's current.  Each error is taken twice: as the encoder shows
+it, on which a user judges, and of the true position.  The oracle is the inverse of the machine along the reference: the
+current that the machine has learned without noise and rounding, and a target that holds what its encoder adds.  No
+feedforward from a model can do better.
 """
 
 from __future__ import annotations
@@ -166,7 +167,7 @@ def record(labels: bytes, place: Place, what: Closed) -> Record:
     before = load_stage(stage)
     after = load_stage(stage, text=(answer / MODEL).read_text(encoding="utf-8")) if said else before
     axis = what.session.axis._replace(start=what.session.clock)
-    rms = levels(axis, before, after)
+    rms, true = levels(axis, before, after)
     return {
         **{name: truth[name] for name in ("stratum", "seed")},
         "truth": {"effects": truth["effects"], "hidden": list(truth["effects"]), "law": truth["law"]},
@@ -176,6 +177,7 @@ def record(labels: bytes, place: Place, what: Closed) -> Record:
         },
         "closing": {
             "rms": rms,
+            "true": true,
             "realised": closure(rms),
             "stated": closure(said.get("levels")),
             "foretold": closure(said.get("foretold")),
@@ -188,17 +190,20 @@ def closure(rms: Mapping[str, float] | None) -> float | None:
     return 1.0 - (rms[AFTER] / rms[BEFORE]) ** 2 if rms else None
 
 
-def levels(axis: Axis, before: Setup, after: Setup) -> dict[str, float]:
-    """True tracking error (m rms) with each controller and the oracle: the geometric mean over the motions."""
-    each: dict[str, list[float]] = {BEFORE: [], AFTER: [], ORACLE: []}
+def levels(axis: Axis, before: Setup, after: Setup) -> tuple[dict[str, float], ...]:
+    """Tracking error (m rms) with each controller and the oracle, as measured and true.
+
+    The geometric mean over the motions.
+    """
+    each: dict[str, list[NDArray[np.float64]]] = {BEFORE: [], AFTER: [], ORACLE: []}
     for number, motion in enumerate(unseen(before)):
         plans = {name: (setup, planned_by(setup, motion)) for name, setup in ((BEFORE, before), (AFTER, after))}
         plans[ORACLE] = (before, oracle(axis, before, plans[BEFORE][1]))
         for name, (setup, laid_out) in plans.items():
             first = _APART + number * REPEATS
-            squares = [square(axis, setup, laid_out, first + repeat) for repeat in range(REPEATS)]
-            each[name].append(float(np.sqrt(np.mean(squares))))
-    return {name: float(np.exp(np.mean(np.log(values)))) for name, values in each.items()}
+            each[name].append(np.mean([squares(axis, setup, laid_out, first + k) for k in range(REPEATS)], axis=0))
+    means = {name: np.exp(0.5 * np.mean(np.log(values), axis=0)) for name, values in each.items()}
+    return tuple({name: float(pair[k]) for name, pair in means.items()} for k in range(2))
 
 
 def planned_by(setup: Setup, motion: Any) -> Plan:
@@ -213,12 +218,14 @@ def oracle(axis: Axis, setup: Setup, base: Plan) -> Plan:
     rows = laid_out.setpoints.copy()
     target, reference = (SETPOINT_COLUMNS[name] for name in ("target", "reference"))
     rows[:, target] += [encoder_error(axis.machine.encoder, x) for x in rows[:, reference].tolist()]
-    return laid_out._replace(setpoints=rows)
+    return laid_out._replace(setpoints=rows, mapped=True)
 
 
-def square(axis: Axis, setup: Setup, laid_out: Plan, number: int) -> float:
-    """Mean square of the true tracking error in the steady window, m^2."""
+def squares(axis: Axis, setup: Setup, laid_out: Plan, number: int) -> NDArray[np.float64]:
+    """Mean squares of the tracking error in the steady window, as measured and true, (2,) m^2."""
     rows = axis.run(setup, laid_out, number)
     inside = (rows["time"] >= laid_out.steady[0]) & (rows["time"] < laid_out.steady[1])
-    error = (rows["reference"] - rows["true_position"])[inside] * setup.file.axis.travel_per_unit
-    return float(np.mean(error**2))
+    should = rows["target" if laid_out.mapped else "reference"]  # as `evaluation.tracking_error` has it
+    errors = np.stack([should - rows["measured"], rows["reference"] - rows["true_position"]])[:, inside]
+    mean: NDArray[np.float64] = np.mean((errors * setup.file.axis.travel_per_unit) ** 2, axis=1)
+    return mean
