@@ -30,7 +30,8 @@ def line(low: float, median: float, high: float, what: str = "time of a fit") ->
 
 
 def figures(*lines: dict[str, Any]) -> dict[str, Any]:
-    scores = ledger.read(ROOT / "docs" / "exam-ledger.jsonl")[-1]["scores"]
+    exams = [one["scores"] for one in ledger.read(ROOT / "docs" / "exam-ledger.jsonl")]
+    scores = [one for one in exams if "null, false alarms" in one][-1]  # of a diagnosis, not of machines closed alone
     return {
         "parts": {"identification": {"against": list(lines), "skipped": {"cycle": "no hardware"}}},
         "machine": "x86_64",

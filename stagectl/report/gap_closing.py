@@ -40,7 +40,7 @@ def notes(result: Result) -> list[str]:
         for number, done in enumerate(result["rounds"], 1)
     ]
     if result["rounds"]:
-        ways = (("In simulation", "foretold"), ("On the machine", "levels"))
+        ways = (("By the simulated change", "foretold"), ("On the machine", "levels"))
         lines.append(" ".join(_shrunk(where, result[levels], result) for where, levels in ways))
     if dropped := ", ".join(map(label, result["dropped"])):
         lines.append(f"Left to the feedback, as the error is smaller without it: {dropped}.")

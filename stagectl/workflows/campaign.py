@@ -183,7 +183,8 @@ def _once_made(campaign: Campaign, run: Run, motion: Motion, shown: tuple[Say, P
     number = run.repeat + _APART * run.number
     machine = campaign.machine
     if machine.simulated:
-        result = pretend(motion, reseeded(machine.plant or machine.setup, campaign.seed + number), run.start)
+        plant = reseeded(machine.plant or machine.setup, campaign.seed + number)
+        result = pretend(motion, plant, run.start, machine.elsewhere)
         update(len(motion.plan.setpoints), len(motion.plan.setpoints))
     else:
         result = perform(motion._replace(setup=reseeded(motion.setup, campaign.seed + number)), say, update)

@@ -42,7 +42,7 @@ def shares(errors: Errors, effects: tuple[str, ...], dropped: tuple[str, ...] = 
 
     Those that are `dropped` from the feedforward have none.  Empty where no error went.
     """
-    motions = [{name: _traces(row["recordings"]) for name, row in motion.items()} for motion in errors.values()]
+    motions = [{name: traces(row["recordings"]) for name, row in motion.items()} for motion in errors.values()]
     return shares_of(motions, effects, dropped)
 
 
@@ -97,7 +97,7 @@ def _half_width(products: Array) -> Array:
     return half
 
 
-def _traces(recordings: list[str]) -> Array:
+def traces(recordings: list[str]) -> Array:
     """Tracking errors (repeats, n) over the steady window, in travel; late periods lie between their neighbours."""
     rows = []
     for path in recordings:

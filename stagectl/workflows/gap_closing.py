@@ -4,8 +4,8 @@
 
     STAGE.yaml --> stage-0.yaml --> record --> diagnose --> stage-1.yaml --> compare on unseen motions --+
                                                   ^                                                      |
-                                                  +---------- the error shrank: the same records, <------+
-                                                              against the new model
+                                                  +----- it shrank: the same records, new model  <-------+
+                                                  +----- else: without the effects that were found <-----+
 
 The records are of the machine, whatever its model is: they are made once, with the controller of the first one.
 
@@ -32,7 +32,7 @@ from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import EFFECTS, answered, coordinate_label, label
 from stagectl.gap.experiment_design.battery import battery, held_out
 from stagectl.gap.experiment_design.experiment import yaml_of
-from stagectl.gap.experiment_design.unseen import unseen
+from stagectl.gap.experiment_design.unseen import judged, unseen
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result import patch, result_json
@@ -42,6 +42,7 @@ from stagectl.number_format import length, percent
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
 from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, smaller
+from stagectl.workflows.closing_forecast import foretold
 from stagectl.workflows.closing_shares import shares
 from stagectl.workflows.layer_comparison import compare
 from stagectl.workflows.motion import Commanded, lasting, lay_out
@@ -50,6 +51,7 @@ from stagectl.workflows.trials import Machine, Result, Shown, ready
 REPEATS = 3  # of each experiment and of each comparison; chosen: the least that shows how much chance varies them
 
 
+Names = tuple[str, ...]
 FORETOLD = "foretold"  # folder of the runs that are simulated next to the machine's: they take none of its time
 
 
@@ -61,6 +63,7 @@ class Closing(NamedTuple):
     rounds: int  # at most
     seed: int
     repeats: int = REPEATS
+    only: tuple[str, ...] = ()  # names of the experiments that are recorded; empty: all
 
     def version(self, number: int) -> Path:
         """The stage file after so many rounds."""
@@ -110,25 +113,27 @@ def close(closing: Closing, shown: Shown) -> Result:
 def _rounds(closing: Closing, begun: Path, shown: Shown) -> tuple[list[Round], str]:
     """All rounds from the version `begun` on, and why they ended."""
     rounds: list[Round] = []
-    ended = f"{closing.rounds} rounds were asked for"
+    current, struck = begun, tuple[str, ...]()  # effects of models that were not kept
     while len(rounds) < closing.rounds:
-        current = rounds[-1].stage if rounds else begun
-        outcome = _round(closing, current, len(rounds) + 1, shown)
+        outcome = _round(closing, current, len(rounds) + 1, struck, shown)
         if isinstance(outcome, str):
-            ended = outcome
-            break
+            return rounds, f"without {', '.join(map(label, struck))}: {outcome}" if struck else outcome
         rounds.append(outcome)
-        if not outcome.kept:
-            ended = refusal(outcome.errors)
-            break
-    return rounds, ended
+        if outcome.kept:
+            current = outcome.stage
+            continue
+        further = [name for name in outcome.found if not EFFECTS[name].nominal and name not in struck]
+        if not further:
+            return rounds, refusal(outcome.errors)
+        struck = (*struck, *further)
+    return rounds, refusal(rounds[-1].errors) or f"{closing.rounds} rounds were asked for"
 
 
-def _round(closing: Closing, stage: Path, number: int, shown: Shown) -> Round | str:
-    """One round from the model `stage`; words instead where there is nothing more to apply."""
+def _round(closing: Closing, stage: Path, number: int, struck: Names, shown: Shown) -> Round | str:
+    """One round from the model `stage`, `struck` effects left out; words instead where nothing more can be applied."""
     setup = closing.setup(stage)
     place = closing.folder / f"round-{number}"
-    found = _diagnosed(closing, setup, place, shown)
+    found = _diagnosed(closing, setup, place, struck, shown)
     if not found.named:
         return found.sentence.rstrip(".")
     try:
@@ -186,17 +191,17 @@ def _where(found: DiagnosisResult) -> str:
 
 def _record(closing: Closing, setup: Setup, shown: Shown) -> None:
     machine = closing.machine._replace(setup=setup)
-    experiments = campaigns.chosen((*battery(setup), *held_out(setup)), [], [])
+    experiments = campaigns.chosen((*battery(setup), *held_out(setup)), [*closing.only], [])
     campaign = campaigns.planned(machine, experiments, closing.repeats, closing.records, closing.seed)
     if stopped := campaigns.record(campaign, shown)["stopped"]:
         raise GapError(f"the recording was stopped: {stopped}; the same command goes on")
 
 
-def _diagnosed(closing: Closing, setup: Setup, place: Path, shown: Shown) -> DiagnosisResult:
+def _diagnosed(closing: Closing, setup: Setup, place: Path, struck: Names, shown: Shown) -> DiagnosisResult:
     """What the records hold beyond the model of `setup`."""
     with shown.bar("diagnosis", 100) as update:
         session = load_session.load([closing.records], setup)
-        found = pipeline.diagnose(session, pipeline.Options(advice=False), in_percent(update)).result
+        found = pipeline.diagnose(session, pipeline.Options(struck, advice=False), in_percent(update)).result
         update(100, 100)
     place.mkdir(parents=True, exist_ok=True)
     result_json.save(found, place)
@@ -213,11 +218,11 @@ def _compared(
         folder = place / motion.name
         folder.mkdir(parents=True, exist_ok=True)
         last = list(setups.values())[-1]
-        variants = {name: lay_out(setup, commanded, frozenset(), folder / "run.h5") for name, setup in setups.items()}
-        variants |= {
-            f"{WITHOUT}{name}": lay_out(last, commanded, frozenset({name}), folder / "run.h5") for name in left_out
-        }
-        outcome = compare(closing.machine, variants, (closing.repeats, closing.seed), shown, folder)
+        variants = {name: (setup, frozenset[str]()) for name, setup in setups.items()}
+        variants |= {f"{WITHOUT}{name}": (last, frozenset({name})) for name in left_out}
+        motions = {name: lay_out(setup, commanded, out, folder / "run.h5") for name, (setup, out) in variants.items()}
+        motions = {name: laid._replace(meta={**laid.meta, "steady": judged(motion)}) for name, laid in motions.items()}
+        outcome = compare(closing.machine, motions, (closing.repeats, closing.seed), shown, folder)
         errors[motion.name] = {variant["name"]: variant for variant in outcome["variants"]}
     return errors
 
@@ -255,15 +260,14 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
         "share_intervals": {name: one.interval for name, one in gave.items()},
         "levels": {name: level(errors, name) for name in (BEFORE, AFTER)},
         "peaks": {name: level(errors, name, "peak") for name in (BEFORE, AFTER)},
-        "foretold": _foretold(closing, Path(answer["model"]), shown),
+        "foretold": _foretold(closing, Path(answer["model"]), errors, shown),
     }
 
 
-def _foretold(closing: Closing, model: Path, shown: Shown) -> dict[str, float]:
-    """The errors before and after on the same motions, simulated on the last `model`, with the noise of its file."""
+def _foretold(closing: Closing, model: Path, errors: Errors, shown: Shown) -> dict[str, float]:
+    """What the last `model` says of the `errors` on the machine before they are measured: see `closing_forecast`."""
     simulated = closing._replace(machine=Machine(closing.machine.setup, True, closing.setup(model)))
-    errors = _judged(simulated, model, FORETOLD, shown, ())
-    return {name: level(errors, name) for name in (BEFORE, AFTER)}
+    return foretold(errors, _judged(simulated, model, FORETOLD, shown, ()))
 
 
 def _judged(closing: Closing, model: Path, place: str, shown: Shown, effects: tuple[str, ...]) -> Errors:

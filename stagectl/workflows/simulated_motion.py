@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,10 +19,15 @@ from stagectl.units import StageError
 if TYPE_CHECKING:
     from stagectl.simulation import FrictionLaw
 
+# (motion, s on the session's clock) -> rows (n,) as in a recording, of a machine that no stage file describes.
+Elsewhere = Callable[[Motion, float], NDArray[Any]]
 
-def pretend(motion: Motion, plant: Setup | None = None, start: float = 0.0) -> dict[str, Any]:
-    """Simulate and record the motion, see `simulated`; the result as JSON values."""
-    recording = simulated(motion, plant, start)
+
+def pretend(
+    motion: Motion, plant: Setup | None = None, start: float = 0.0, elsewhere: Elsewhere | None = None
+) -> dict[str, Any]:
+    """Simulate and record the motion, see `simulated`, or have it done `elsewhere`; the result as JSON values."""
+    recording = simulated(motion, plant, start) if elsewhere is None else _carried_out(motion, elsewhere, start)
     recording.path.parent.mkdir(parents=True, exist_ok=True)
     save(recording.path, recording.meta, recording.samples, recording.ended)
     return simulated_result(motion, recording)
@@ -46,6 +52,11 @@ def simulated(
         engine = "simulated, with a friction law of the user"
     meta = {**motion.meta, "drive": {"drive": engine, "plant": str((plant or motion.setup).path)}}
     return Recording(motion.recording, meta, samples, True, "complete", 0)
+
+
+def _carried_out(motion: Motion, elsewhere: Elsewhere, start: float) -> Recording:
+    meta = {**motion.meta, "drive": {"drive": "simulated elsewhere", "plant": ""}}
+    return Recording(motion.recording, meta, elsewhere(motion, start), True, "complete", 0)
 
 
 def simulated_result(motion: Motion, recording: Recording) -> dict[str, Any]:

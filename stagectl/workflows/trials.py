@@ -25,7 +25,7 @@ from stagectl.recording.hdf5 import open_recording
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
 from stagectl.workflows.motion import Say, blank, drive_present, perform, reseeded, with_current
-from stagectl.workflows.simulated_motion import pretend
+from stagectl.workflows.simulated_motion import Elsewhere, pretend
 
 Bar = Callable[[str, int], AbstractContextManager[Any]]
 Result = dict[str, Any]
@@ -42,6 +42,7 @@ class Machine(NamedTuple):
     setup: Setup
     simulated: bool  # compiled, faster than real time; False: on the drive
     plant: Setup | None  # the simulated machine, where it is not the stage's model
+    elsewhere: Elsewhere | None = None  # the simulated machine, where no stage file describes it: its noise is its own
 
     def noisy(self, number: int) -> Machine:
         """The same with other noise, where it is simulated; each number has its own."""
@@ -73,7 +74,10 @@ def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
 
     Raises TrialError with the fault and the recording that shows it.
     """
-    result = pretend(motion, machine.plant) if machine.simulated else perform(motion, _quiet, update)
+    if machine.simulated:
+        result = pretend(motion, machine.plant, elsewhere=machine.elsewhere)
+    else:
+        result = perform(motion, _quiet, update)
     update(len(motion.plan.setpoints), len(motion.plan.setpoints))
     if result["fault"]:
         raise TrialError(f"the run was stopped: {result['fault']}; {result['recording']} shows it")

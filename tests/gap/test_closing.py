@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,13 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stagectl.api.arguments import reported
 from stagectl.api.gap_closing import close_gap
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.gap.experiment_design.unseen import unseen
+from stagectl.gap.experiment_design.battery import battery
+from stagectl.gap.experiment_design.unseen import judged, unseen
 from stagectl.plan import plan
+from stagectl.recording.hdf5 import open_recording
+from stagectl.service.single_motion import Motion
 from stagectl.simulation import simulate
-from stagectl.workflows import closing_errors, gap_closing
-from stagectl.workflows.trials import Machine
+from stagectl.workflows import campaign, closing_errors, gap_closing
+from stagectl.workflows.motion import prepare
+from stagectl.workflows.trials import Machine, Shown, run_once
 from tests.conftest import CONFIG
 from tests.short_battery import shorten
 
@@ -129,6 +135,8 @@ def test_the_motions_are_within_the_limits_of_every_stage() -> None:
         for motion in motions:
             plan(setup, motion.trajectory, setup.controller.feedforward)
             assert 1.0 < motion.duration < 12.0
+            begin, end = judged(motion)  # behind the reversal that loads the friction
+            assert 0.1 < begin < 1.0 and motion.duration - 0.2 < end < motion.duration
 
 
 def test_an_exact_model_leaves_two_counts_on_each_of_them(ball_screw: Setup) -> None:
@@ -147,3 +155,43 @@ def test_an_effect_that_is_dropped_is_named_in_the_new_stage_file(tmp_path: Path
     dropped = gap_closing._unanswered(closing, model, ("cogging", "backlash"))
     assert closing.setup(dropped).file.control.unanswered == ("motor.cogging", "mechanics.transmission")
     assert closing.setup(model).file.control.unanswered == ()
+
+
+def test_a_model_that_is_not_kept_is_sought_again_without_its_effects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not kept with cogging and its parameters, kept with the parameters alone, and then nothing is left."""
+    better, worse = measured([2e-6] * 3, [1e-6] * 3), measured([1e-6] * 3, [2e-6] * 3)
+    course = {(): (("cogging", "viscous"), worse), ("cogging",): (("viscous",), better)}
+    asked: list[tuple[str, ...]] = []
+
+    def told(_: Any, stage: Path, number: int, struck: tuple[str, ...], __: Any) -> gap_closing.Round | str:
+        asked.append(struck)
+        if number == 3:
+            return "nothing is left"
+        found, errors = course[struck]
+        return gap_closing.Round(stage, found, "", "", 0.9, errors, errors is better)
+
+    monkeypatch.setattr(gap_closing, "_round", told)
+    closing = gap_closing.Closing(Machine(load_stage(STAGE), True, None), tmp_path, 3, 1)
+    rounds, ended = gap_closing._rounds(closing, closing.version(0), SimpleNamespace())  # type: ignore[arg-type]
+    assert [done.kept for done in rounds] == [False, True]
+    assert asked == [(), ("cogging",), ("cogging",)] and ended == "without cogging: nothing is left"
+
+
+def test_runs_take_place_elsewhere(tmp_path: Path) -> None:
+    """Those of a campaign, which say where in the session they begin, and those that are compared, which do not."""
+    setup, begun = load_stage(STAGE), []
+
+    def elsewhere(motion: Motion, start: float) -> Any:
+        begun.append(start)
+        return simulate(motion.setup, motion.plan, motion.law)
+
+    machine, shown = Machine(setup, True, None, elsewhere), Shown(lambda _: None, partial(reported, False))
+    runs = campaign.chosen(battery(setup), ["sine-strong"], [])
+    campaign.record(campaign.planned(machine, runs, 2, tmp_path, 1), shown)
+    motion = prepare(setup, tmp_path / "trajectories" / "sine-strong.yaml", frozenset(), tmp_path / "again.h5")
+    run_once(machine, motion, lambda *_: None)
+    assert begun[0] == 0.0 and begun[1] > motion.plan.duration and begun[2] == 0.0
+    one, other = (open_recording(tmp_path / name).samples for name in ("sine-strong-1.h5", "again.h5"))
+    assert one.tobytes() == other.tobytes()

@@ -31,6 +31,17 @@ def unseen(setup: Setup) -> tuple[Experiment, ...]:
     return tuple(map(_at_rest_first, made(scale_of(setup), _RECIPES, HELD_OUT)))
 
 
+def judged(one: Experiment) -> tuple[float, float]:
+    """The window (s) of its tracking error: from the end of the preconditioning reversal on.
+
+    Until then the error is that of a friction state which earlier motions left, and which no model can know.
+    """
+    motion = one.trajectory
+    assert isinstance(motion, Sequence)
+    rest, reversal, *_ = motion.parts
+    return rest.duration + reversal.duration, motion.duration
+
+
 def _at_rest_first(one: Experiment) -> Experiment:
     """The same after a standstill: no current comes before the delay is over, whatever a model knows.
 

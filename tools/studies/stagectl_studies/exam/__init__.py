@@ -8,6 +8,7 @@
       sealing.py      salt, hash, journal; opening early or changing a label is detected
       sandbox.py      the diagnosis as a process that may read its folder and nothing else
       rounds.py       the proposed experiments are run (extra_captures.py), and the diagnosis answers again
+      closed.py       the stratum "closed": `gap close` on the sealed machine, run by run   closed_table.py
       rules.py        what counts as named, found, covered    realised_closure.py  closure on withheld runs
       scoring.py      labels and answer of one trial -> one record
       question.py     the command that answers, on its own cores (cores.py)
@@ -15,5 +16,6 @@
     totals.py         records -> rows.py with Wilson intervals, detection_sizes.py, calibration, baseline_table.py
     ledger.py         one line per exam, failed ones too
 
-It imports nothing of the diagnosis: the diagnosis is a command, its answer a JSON file.
+It imports nothing of the diagnosis: the diagnosis is a command, its answer a JSON file.  Of `gap close` it takes the
+motions on which that judges itself.
 """

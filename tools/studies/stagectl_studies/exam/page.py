@@ -11,7 +11,7 @@ from stagectl.recording.metadata import versions
 from stagectl.report.figures import embedded
 from stagectl.report.page import Page, Picture, Section, Table
 from stagectl.report.panels import DPI
-from stagectl_studies.exam import figures
+from stagectl_studies.exam import closed_table, figures
 
 REACHED = {"target": "target", "must": "reached", "no": "not reached", "": ""}
 HEAD = ["", "found", "95 %", "trials", "target", "must reach", ""]
@@ -19,7 +19,8 @@ HEAD = ["", "found", "95 %", "trials", "target", "must reach", ""]
 
 def page(result: Mapping[str, Any], seconds: Mapping[str, Sequence[float]], commands: list[str]) -> Page:
     """The page of the `result` of an exam, as scores.json holds it."""
-    sections = [_naming(result), _size(result), _sure(result), _far(result), _beside(result), _seconds(seconds)]
+    sections = [_naming(result), _size(result), _sure(result), _far(result), _beside(result)]
+    sections += [closed_table.section(result["records"]), _seconds(seconds)]
     return Page(
         "stagectl gap exam",
         answer(result),
@@ -135,7 +136,8 @@ def _sure(result: Mapping[str, Any]) -> Section | None:
 
 
 def _far(result: Mapping[str, Any]) -> Section | None:
-    hidden = [record for record in result["records"] if record["state"] != "void" and record["truth"]["hidden"]]
+    scored = [record for record in result["records"] if "gap" in record]
+    hidden = [record for record in scored if record["truth"]["hidden"]]
     open_ = [record for record in hidden if record["gap"]["before"] > record["gap"]["floor"]]
     pictures = []
     if any(record["gap"]["predicted"] is not None for record in open_):

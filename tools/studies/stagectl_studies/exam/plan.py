@@ -13,7 +13,7 @@ import stagectl
 import stagectl_studies
 from stagectl_studies.exam.rules import EXACT, WIDER
 from stagectl_studies.machine.effects import ALIENS, EFFECTS
-from stagectl_studies.machine.stages import Ground
+from stagectl_studies.machine.stages import LAWS, Ground
 from stagectl_studies.machine.trials import STRATA as _DRAWN  # noqa: F401  its import enters the effects into their tables
 
 QUOTAS = {  # of 300 trials; at least 30 in each group: null, single, pair, triple, left-out, alien, poor
@@ -30,6 +30,8 @@ QUOTAS = {  # of 300 trials; at least 30 in each group: null, single, pair, trip
     "alien": 33,
     "poor": 33,
 }
+CLOSED = "closed"  # what `gap close` makes of the machine; minutes a trial, so only where it is asked for
+ON_REQUEST = {CLOSED: 30}
 SIZES = {"pair": 2, "triple": 3}
 _STOPPING = frozenset({"controller"})  # with another controller than the one described, nothing else is judged
 _FITTED = frozenset({"inertia", "viscous", "coulomb", "bias", "time_shift", "presliding"})  # by the base refit anyway
@@ -52,10 +54,13 @@ class Planned(NamedTuple):
     scale: float | None = None  # None: drawn
     exclude: tuple[str, ...] = ()  # for `--exclude`
     ground: Ground | None = None  # of a record; None: drawn
+    law: str | None = None  # of friction; None: drawn
 
     @property
     def drawn_as(self) -> str:
         """The stratum's name where trials are drawn."""
+        if self.stratum == CLOSED:
+            return "triple"
         return "single" if self.stratum.startswith(("single", "left-out")) else self.stratum
 
 
@@ -81,9 +86,9 @@ def source_seed(*roots: Path) -> int:
 def quotas(trials: int, strata: Sequence[str] = ()) -> dict[str, int]:
     """Trials of each stratum, in proportion to `QUOTAS`; what rounding leaves goes to the largest remainders.
 
-    Raises ExamError where a stratum is none of `QUOTAS`.
+    Raises ExamError where a stratum is none of them.
     """
-    chosen = {name: QUOTAS[name] for name in expanded(strata)}
+    chosen = {name: (QUOTAS | ON_REQUEST)[name] for name in expanded(strata)}
     whole = sum(chosen.values())
     exact = {name: trials * weight / whole for name, weight in chosen.items()}
     counts = {name: int(share) for name, share in exact.items()}
@@ -94,15 +99,16 @@ def quotas(trials: int, strata: Sequence[str] = ()) -> dict[str, int]:
 
 
 def expanded(strata: Sequence[str]) -> list[str]:
-    """Names of strata; ``null`` and ``single`` stand for all of theirs, none for all there are.
+    """Names of strata; ``null`` and ``single`` stand for all of theirs, none for all but those on request.
 
     Raises ExamError where a name is none.
     """
     groups = []
     for asked in strata or QUOTAS:
-        mine = [name for name in QUOTAS if name == asked or (asked in ("null", "single") and name.startswith(asked))]
+        known = (*QUOTAS, *ON_REQUEST)
+        mine = [name for name in known if name == asked or (asked in ("null", "single") and name.startswith(asked))]
         if not mine:
-            raise ExamError(f"--strata {asked}: no such stratum; must be one of null, single, {', '.join(QUOTAS)}")
+            raise ExamError(f"--strata {asked}: no such stratum; must be one of null, single, {', '.join(known)}")
         groups += [name for name in mine if name not in groups]
     return groups
 
@@ -133,6 +139,8 @@ def plan(trials: int, seed: int, strata: Sequence[str] = ()) -> list[Planned]:
         "several": deck(sorted(set(EFFECTS) - _STOPPING), random),
         "left-out": deck(sorted(set(EFFECTS) - _STOPPING - _NEVER_LEFT_OUT), random),
         "alien": deck(list(ALIENS), random),
+        "sizes": deck(["1", "2", "3"], random),
+        "laws": deck(LAWS[1:], random),  # none that stagectl's friction model holds element by element
     }
     asked = [name for name, count in quotas(trials, strata).items() for _ in range(count)]
     made = [_trial(stratum, cards, random) for stratum in asked]
@@ -147,6 +155,9 @@ def _trial(stratum: str, cards: dict[str, Iterator[str]], random: np.random.Gene
         return {"stratum": stratum, "effects": (next(cards["all"]),), "scale": float(scale)}
     if stratum in SIZES:
         return {"stratum": stratum, "effects": together(cards["several"], SIZES[stratum])}
+    if stratum == CLOSED:
+        effects = together(cards["several"], int(next(cards["sizes"])))
+        return {"stratum": stratum, "effects": effects, "law": next(cards["laws"])}
     if stratum == "left-out":
         name = next(cards["left-out"])
         exclude = (name, *sorted(WIDER.get(name, frozenset())))

@@ -6,13 +6,13 @@ import functools
 import json
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl_studies.exam import rounds, scoring
+from stagectl_studies.exam import closed, rounds, scoring
 from stagectl_studies.exam.cores import alone, taken
-from stagectl_studies.exam.plan import ExamError, Planned, packages, sources
+from stagectl_studies.exam.plan import CLOSED, ExamError, Planned, packages, sources
 from stagectl_studies.exam.question import (
     ANSWER,
     BLIND,
@@ -93,8 +93,9 @@ def _sat(root: Path, job: Job) -> dict[str, Any]:
     folder, clock = folder_of(root, planned.number), Clock()
     shutil.rmtree(folder, ignore_errors=True)
     (folder / ANSWER).mkdir(parents=True)
+    made_ready = closed.staged if planned.stratum == CLOSED else staged
     try:
-        labels = staged(planned, folder, job.manner.short)
+        labels = made_ready(planned, folder, job.manner.short)
     except ExamError as error:
         return _kept(folder, planned, {"state": VOID, "reasons": [str(error)]}, clock.times)
     seal = Seal(folder, labels, root / REGISTER)
@@ -108,12 +109,25 @@ def _sat(root: Path, job: Job) -> dict[str, Any]:
 
 
 def _answered(place: Place, job: Job, seal: Seal, clock: Clock) -> dict[str, Any]:
-    record = judged(place, seal, _said(place, job, seal, clock))
+    if job.planned.stratum == CLOSED:
+        return _closed(place, job, seal, clock)
+    said = _said(place, job, seal, clock)
+    record = judged(place, seal, lambda labels: _scored(labels, place, said))
     if job.manner.baselines and record["state"] != VOID:
         effects = [effect["name"] for effect in record["truth"]["effects"]]
         failure = baselines(place, job.planned, job.manner, effects or ["none"])
         record["reasons"] += [failure] if failure else []
         record["baselines"] |= scoring.beside(seal.again(), place.folder, (TOLD, (ORACLE,)))
+    clock("scoring")
+    return record
+
+
+def _closed(place: Place, job: Job, seal: Seal, clock: Clock) -> dict[str, Any]:
+    left = closed.closed(place, job.planned, job.manner)
+    clock("closing")
+    seal.answered(place.folder / ANSWER)
+    state = {"state": FAILED, "reasons": [left.failure]} if left.failure else {"state": SCORED, "reasons": []}
+    record = judged(place, seal, lambda labels: state | closed.record(labels, place, left))
     clock("scoring")
     return record
 
@@ -153,8 +167,8 @@ def _write(path: Path, content: Any) -> None:
     draft.replace(path)
 
 
-def judged(place: Place, seal: Seal, said: Said) -> dict[str, Any]:
-    """The record's content: void, failed or scored."""
+def judged(place: Place, seal: Seal, scored: Callable[[bytes], dict[str, Any]]) -> dict[str, Any]:
+    """The record's content: void, failed or `scored` from the labels."""
     folder = place.folder
     reasons = [f"the diagnosis looked elsewhere: {line}" for line in _lines(folder / LOG)]
     try:
@@ -162,7 +176,7 @@ def judged(place: Place, seal: Seal, said: Said) -> dict[str, Any]:
     except SealError as error:
         return {"state": VOID, "reasons": [*reasons, str(error)]}
     reasons += broken(folder, answers(folder), place.root / REGISTER)
-    return {"state": VOID, "reasons": reasons} if reasons else _scored(labels, place, said)
+    return {"state": VOID, "reasons": reasons} if reasons else scored(labels)
 
 
 def _scored(labels: bytes, place: Place, said: Said) -> dict[str, Any]:

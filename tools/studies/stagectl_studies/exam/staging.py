@@ -30,7 +30,7 @@ def drawn(planned: Planned, short: bool) -> Trial:
 
     Raises ExamError where none of `REDRAWN` seeds bears them.
     """
-    options = Options(planned.effects, planned.scale, short=short, ground=planned.ground)
+    options = Options(planned.effects, planned.scale, law=planned.law, short=short, ground=planned.ground)
     for attempt in range(REDRAWN):
         try:
             return draw((planned.seed + attempt * _STEP) % 2**31, planned.drawn_as, options)

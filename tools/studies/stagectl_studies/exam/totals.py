@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from stagectl_studies.exam import intervals
+from stagectl_studies.exam import closed_table, intervals
 from stagectl_studies.exam.baseline_table import beside
 from stagectl_studies.exam.detection_sizes import SMALLEST, beyond, intervals_of, limits, singles
 from stagectl_studies.exam.rows import Asked, Row, is_open, mean, median, rate
@@ -22,7 +22,8 @@ LARGE = 10.0  # times the floor: a gap from which the factor counts
 
 def totals(records: Sequence[Record]) -> Record:
     """Everything that the exam says, without any time in it."""
-    counted = [record for record in records if record["state"] != VOID]
+    held = [record for record in records if record["state"] != VOID]
+    counted, closed = [record for record in held if "naming" in record], closed_table.of(held)
     known = limits(singles(counted))
     return {
         "trials": len(records),
@@ -34,8 +35,8 @@ def totals(records: Sequence[Record]) -> Record:
             for record in records
             if record["state"] == FAILED
         ],
-        "strata": dict(sorted(Counter(record["stratum"] for record in counted).items())),
-        "rows": [row._asdict() for row in rows(counted, known)],
+        "strata": dict(sorted(Counter(record["stratum"] for record in held).items())),
+        "rows": [row._asdict() for row in (*(rows(counted, known) if counted else ()), *closed_table.rows(closed))],
         "limits": known,
         "classes": classes(counted, known),
         "by_effect": by_effect(counted),

@@ -23,10 +23,11 @@ AHEAD = ("feedforward", "friction", "learned", "injection")  # terms of the comm
 
 
 class Axis(NamedTuple):
-    """The machine, and the seed of its noise."""
+    """The machine, the seed of its noise, and where its runs begin."""
 
     machine: Machine
     seed: int
+    start: float = 0.0  # s, on the session's clock
 
     def run(self, setup: Setup, plan: Plan, number: int) -> NDArray[Any]:
         """Rows (n,) as in a recording, of the `number`-th run.  Raises ValueError where the machine loses the axis."""
@@ -36,7 +37,7 @@ class Axis(NamedTuple):
         still = np.zeros(len(r))
         rows = Rows(column["reference"], column["target"], known, still, column["velocity"], column["friction"])
         noise = noise_of(self.machine, len(r), np.random.default_rng([self.seed, number]))
-        trace = simulated(self.machine, loop_of(setup), rows, noise, Setting())
+        trace = simulated(self.machine, loop_of(setup), rows, noise, Setting(start=self.start))
         if trace.lost:
             raise ValueError(f"run {number} of seed {self.seed}: the axis was lost")
         samples = structured(np.zeros((len(r), WIDTH)))
