@@ -39,11 +39,12 @@ class Start(NamedTuple):
     position: float = 0.0  # rad | m, of the axis: the motion's reference is relative to it
     stops: Any = None  # friction operators; None: relaxed
     effects: model_effects.Memory | None = None  # None: at rest, not moved yet
+    clock: float = 0.0  # s since the axis was cold, as far as is known
 
     def copy(self) -> Start:
         """One of its own to move on."""
         stops = None if self.stops is None else np.array(self.stops)
-        return Start(self.position, stops, None if self.effects is None else self.effects.copy())
+        return self._replace(stops=stops, effects=None if self.effects is None else self.effects.copy())
 
 
 AT_ZERO = Start()
@@ -108,7 +109,7 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     p, dt = model_effects.without(setup.stage, setup.file.control.unanswered), setup.dt
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
-    memory = model_effects.going_on(p, start.position, start.effects)
+    memory = model_effects.going_on(p, (start.position, start.clock), start.effects)
     if not model_effects.present(p) and memory.held == 0.0:
         return model_effects.Answer()
     each = model_effects.steps(p, dt)

@@ -45,11 +45,19 @@ class Memory(NamedTuple):
         """One of its own to move on, for the kernels of this process: another may have interpreted its own."""
         return self._replace(whole=_copied(self.whole), plain=_copied(self.plain))
 
+    def at(self, clock: float) -> Memory:
+        """The same at another time (s) of the session's clock: an axis that stands changes its temperature, too."""
+        return self._replace(whole=_at(self.whole, clock), plain=_at(self.plain, clock))
+
 
 def _copied(x: stage.State) -> stage.State:
     stops = states(len(x.stops))
     stops[:] = x.stops
     return x._replace(stops=stops)
+
+
+def _at(x: stage.State, clock: float) -> stage.State:
+    return x._replace(memory=x.memory._replace(time=clock))
 
 
 class Limited(NamedTuple):
@@ -126,16 +134,20 @@ def steps(p: stage.Stage, dt: float) -> int:
     return INVERSE_STEPS * int(transmission.finer(p.mechanics, dt / INVERSE_STEPS))
 
 
-def begun(p: stage.Stage, position: float) -> Memory:
-    """The memory of an axis that stands at `position` (rad | m) and has not moved yet."""
-    return Memory(stage.at_rest(p, position), stage.at_rest(plain(p), position), position)
+def begun(p: stage.Stage, position: float, clock: float = 0.0) -> Memory:
+    """The memory of an axis that stands at `position` (rad | m) at the session `clock` (s), and has not moved yet."""
+    return Memory(stage.at_rest(p, position, clock), stage.at_rest(plain(p), position, clock), position)
 
 
-def going_on(p: stage.Stage, position: float, left: Memory | None) -> Memory:
-    """The memory of an axis that stands at `position` (rad | m): what the last motion `left`, if it ended there."""
+def going_on(p: stage.Stage, where: tuple[float, float], left: Memory | None) -> Memory:
+    """The memory of an axis that stands at a position (rad | m) at the session clock (s), both in `where`.
+
+    It is what the last motion `left`, if that ended there.
+    """
+    position, clock = where
     if left is None or abs(left.whole.position - position) > p.encoder.step + ROUNDING * (1.0 + abs(position)):
-        return begun(p, position)
-    return left
+        return begun(p, position, clock)
+    return left.at(clock)
 
 
 def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Array, Answer]:
@@ -169,7 +181,7 @@ class _Way(NamedTuple):
 
     def demanded(self, p: stage.Stage, x: stage.State) -> tuple[Array, stage.State]:
         """Current (n + 1,) A at rest and in each period, beyond that at rest at the origin; the state at the end."""
-        at_origin, begins = _resting(p, stage.at_rest(p, self.origin)), _resting(p, x)
+        at_origin, begins = _resting(p, stage.at_rest(p, self.origin, x.memory.time)), _resting(p, x)
         out = np.empty(len(self.motion))
         end = inverse.along(p, x, self.motion, self.steps, out)
         means = (0.5 * (out[1:] + out[:-1])).reshape(-1, self.steps[1]).mean(axis=1)
@@ -197,7 +209,8 @@ def _within_shares(
     for place in places(p):
         alone = put(way.plain, place, get(p, place))
         rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
-        own, _ = way.demanded(alone, stage.at_rest(alone, begins.position)._replace(**rubbing))
+        rests = stage.at_rest(alone, begins.position, begins.memory.time)
+        own, _ = way.demanded(alone, rests._replace(**rubbing))
         own -= without
         current -= own - np.clip(own, -most, most)
         limited += _limited(place, own, most)

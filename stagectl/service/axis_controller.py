@@ -155,7 +155,8 @@ class AxisController:
         feedforward = self.controller.feedforward
         here = self.status.reference
         start = Start(stops=relaxed(feedforward.friction)) if self._left is None else self._left
-        start = start._replace(position=here if math.isfinite(here) else 0.0)
+        clock = self.setup.dt * self.status.cycles  # the service cannot know for how long the axis moved before it
+        start = start._replace(position=here if math.isfinite(here) else 0.0, clock=clock)
         return Task(name, self._from_here(), feedforward, start, trajectory)
 
     def effects(self) -> dict[str, bool]:

@@ -19,7 +19,6 @@ without which the error is smaller is dropped from the feedforward (`control.una
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,12 +34,13 @@ from stagectl.gap.experiment_design.experiment import yaml_of
 from stagectl.gap.experiment_design.unseen import judged, unseen
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import GapError
-from stagectl.gap.result import patch, result_json
+from stagectl.gap.result import result_json
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.steps import in_percent
 from stagectl.number_format import length, percent
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
+from stagectl.workflows import closing_patch
 from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, smaller
 from stagectl.workflows.closing_forecast import foretold
 from stagectl.workflows.closing_shares import shares
@@ -105,7 +105,7 @@ def close(closing: Closing, shown: Shown) -> Result:
     if not begun.exists():
         begun.write_text(text_of(closing.machine.setup.path), encoding="utf-8")
     with ready(closing.machine, shown):  # one drive for all: a virtual one is the machine of the first model
-        _record(closing, closing.setup(begun), shown)
+        closing = _recorded(closing, closing.setup(begun), shown)
         rounds, ended = _rounds(closing, begun, shown)
         return _result(closing, [done for done in rounds if done.kept], ended, shown)
 
@@ -137,7 +137,7 @@ def _round(closing: Closing, stage: Path, number: int, struck: Names, shown: Sho
     if not found.named:
         return found.sentence.rstrip(".")
     try:
-        change = _patch(closing, found, stage, shown)
+        change = closing_patch.patch_of(found, closing.machine.setup.path, stage, shown.say)
     except StageError as error:
         return str(error)
     if not change.changes:
@@ -155,32 +155,6 @@ def _round(closing: Closing, stage: Path, number: int, struck: Names, shown: Sho
     return Round(target, names, _where(found), found.sentence.rstrip("."), found.gap.closure, errors, kept)
 
 
-def _patch(closing: Closing, found: DiagnosisResult, stage: Path, shown: Shown) -> patch.Patch:
-    """The patch of all that was found; of what the stage file takes, where it would be refused with all of it.
-
-    Raises StageError where it takes nothing.
-    """
-    path, text = closing.machine.setup.path, read_text(stage)
-
-    def of(names: tuple[str, ...]) -> patch.Patch:
-        change = patch.patch_of(found, path, names, text=text)
-        load_stage(path, text=change.after)
-        return change
-
-    try:
-        return of(())
-    except StageError as error:
-        refused, taken = error, tuple[str, ...]()
-    for effect in found.named:
-        with contextlib.suppress(StageError):
-            of((*taken, effect.name))
-            taken = (*taken, effect.name)
-    if not taken:
-        raise refused
-    shown.say(f"applied without the rest: {', '.join(map(label, taken))}; {refused}")
-    return of(taken)
-
-
 def _where(found: DiagnosisResult) -> str:
     """``mechanics 71 %, over the speed 55 %``; what could not be judged is left out."""
     shares = {name: share for name, share in found.blocks.items() if share is not None}
@@ -189,12 +163,16 @@ def _where(found: DiagnosisResult) -> str:
     return ", ".join([*blocks, *(f"over the {coordinate_label(one.name)} {percent(one.share)}" for one in most)])
 
 
-def _record(closing: Closing, setup: Setup, shown: Shown) -> None:
+def _recorded(closing: Closing, setup: Setup, shown: Shown) -> Closing:
+    """Record the session; what follows takes place at its end, on the axis as warm as it is then."""
     machine = closing.machine._replace(setup=setup)
     experiments = campaigns.chosen((*battery(setup), *held_out(setup)), [*closing.only], [])
     campaign = campaigns.planned(machine, experiments, closing.repeats, closing.records, closing.seed)
-    if stopped := campaigns.record(campaign, shown)["stopped"]:
-        raise GapError(f"the recording was stopped: {stopped}; the same command goes on")
+    result = campaigns.record(campaign, shown)
+    if result["stopped"]:
+        raise GapError(f"the recording was stopped: {result['stopped']}; the same command goes on")
+    end = result["runs"][-1]["start_s"] + campaign.runs[-1].experiment.duration
+    return closing._replace(machine=closing.machine._replace(clock=end))
 
 
 def _diagnosed(closing: Closing, setup: Setup, place: Path, struck: Names, shown: Shown) -> DiagnosisResult:
@@ -220,8 +198,10 @@ def _compared(
         last = list(setups.values())[-1]
         variants = {name: (setup, frozenset[str]()) for name, setup in setups.items()}
         variants |= {f"{WITHOUT}{name}": (last, frozenset({name})) for name in left_out}
-        motions = {name: lay_out(setup, commanded, out, folder / "run.h5") for name, (setup, out) in variants.items()}
-        motions = {name: laid._replace(meta={**laid.meta, "steady": judged(motion)}) for name, laid in motions.items()}
+        motions = {}
+        for name, (setup, out) in variants.items():
+            laid = lay_out(setup, commanded, out, folder / "run.h5", clock=closing.machine.clock)
+            motions[name] = laid._replace(meta={**laid.meta, "steady": judged(motion)})
         outcome = compare(closing.machine, motions, (closing.repeats, closing.seed), shown, folder)
         errors[motion.name] = {variant["name"]: variant for variant in outcome["variants"]}
     return errors
@@ -266,7 +246,8 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
 
 def _foretold(closing: Closing, model: Path, errors: Errors, shown: Shown) -> dict[str, float]:
     """What the last `model` says of the `errors` on the machine before they are measured: see `closing_forecast`."""
-    simulated = closing._replace(machine=Machine(closing.machine.setup, True, closing.setup(model)))
+    machine = closing.machine._replace(simulated=True, plant=closing.setup(model), elsewhere=None)
+    simulated = closing._replace(machine=machine)
     return foretold(errors, _judged(simulated, model, FORETOLD, shown, ()))
 
 

@@ -87,9 +87,16 @@ def prepare(
 
 
 def lay_out(
-    setup: Setup, commanded: Commanded, without: frozenset[str], recording: Path | None, learned: Path | None = None
+    setup: Setup,
+    commanded: Commanded,
+    without: frozenset[str],
+    recording: Path | None,
+    learned: Path | None = None,
+    clock: float = 0.0,
 ) -> Motion:
     """Check and lay out a motion, with the current that was `learned` for it; nothing moves yet.
+
+    It begins at the session `clock` (s), 0 where the axis is cold.
 
     `without` names layers, and effects of the model, that are switched off.  Without a `recording` a fresh name in
     ``recordings/`` is planned.
@@ -98,10 +105,10 @@ def lay_out(
     controller = setup.controller.without(without)
     effects = without - frozenset(get_args(Layer))
     known = setup._replace(stage=left_out(setup.stage, effects)) if effects else setup
-    laid_out = plan(known, commanded.experiment, controller.feedforward)
+    laid_out = plan(known, commanded.experiment, controller.feedforward, Start(clock=clock))
 
     def located(position: float) -> Plan:
-        return plan(known, commanded.experiment, controller.feedforward, Start(position))
+        return plan(known, commanded.experiment, controller.feedforward, Start(position, clock=clock))
 
     layers = sorted(frozenset(setup.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)

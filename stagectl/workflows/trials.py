@@ -42,6 +42,7 @@ class Machine(NamedTuple):
     setup: Setup
     simulated: bool  # compiled, faster than real time; False: on the drive
     plant: Setup | None  # the simulated machine, where it is not the stage's model
+    clock: float = 0.0  # s on the session's clock when the trials take place: how warm the axis is
     elsewhere: Elsewhere | None = None  # the simulated machine, where no stage file describes it: its noise is its own
 
     def noisy(self, number: int) -> Machine:
@@ -75,7 +76,7 @@ def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
     Raises TrialError with the fault and the recording that shows it.
     """
     if machine.simulated:
-        result = pretend(motion, machine.plant, elsewhere=machine.elsewhere)
+        result = pretend(motion, machine.plant, machine.clock, machine.elsewhere)
     else:
         result = perform(motion, _quiet, update)
     update(len(motion.plan.setpoints), len(motion.plan.setpoints))

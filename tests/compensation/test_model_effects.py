@@ -12,6 +12,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.gap.effects.effect import Definition, Scales
 from stagectl.gap.effects.library import EFFECTS, answered, definitions, left_out
 from stagectl.kernels import unloading
+from stagectl.kernels.effects import Warming
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.kernels.stage import Stage
 from stagectl.plan import Plan, Start, plan
@@ -244,6 +245,23 @@ def test_the_current_begins_with_the_one_that_holds(ball_screw: Setup) -> None:
     assert without[0] == pytest.approx(held) and np.abs(np.diff(without)).max() < 0.05 * abs(held)
     assert without[round(0.05 / ball_screw.dt) :] == pytest.approx(0.0, abs=1e-12)
     assert going_on(known)[0] == pytest.approx(held, abs=1e-4)
+
+
+@pytest.mark.parametrize("moved_before", [False, True])
+def test_a_motion_begins_as_warm_as_the_axis_is(ball_screw: Setup, moved_before: bool) -> None:
+    """Viscous friction falls by half as the axis warms up, also while it stands; laid out cold, the error shows it."""
+    warming = ball_screw.stage.mechanics._replace(viscous_warming=Warming(1.0, 600.0))
+    known, motion = ball_screw._replace(stage=ball_screw.stage._replace(mechanics=warming)), MOTIONS["sine of 5 mm"]
+    controller, warm = known.controller, 1800.0
+    left = plan(known, motion, controller.feedforward).effects if moved_before else None
+
+    def peak(clock: float) -> float:
+        start = Start(effects=left, clock=clock).copy()
+        laid_out = plan(known, motion, controller.feedforward, start)
+        rows = simulate(known, laid_out, controller.law, start=warm)
+        return float(np.abs(rows["error"]).max())
+
+    assert peak(warm) < 0.02 * peak(0.0)
 
 
 def test_a_memory_of_another_place_is_not_gone_on_with(ball_screw: Setup) -> None:

@@ -19,7 +19,7 @@ from stagectl.plan import plan
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.single_motion import Motion
 from stagectl.simulation import simulate
-from stagectl.workflows import campaign, closing_errors, gap_closing
+from stagectl.workflows import campaign, closing_errors, closing_patch, gap_closing
 from stagectl.workflows.motion import prepare
 from stagectl.workflows.trials import Machine, Shown, run_once
 from tests.conftest import CONFIG
@@ -70,7 +70,9 @@ def test_a_model_that_makes_the_error_larger_is_not_kept(tmp_path: Path, monkeyp
     )  # fmt: skip
     change = SimpleNamespace(changes=("cogging",), after=STAGE.read_text(encoding="utf-8"))
     errors = measured([1e-6] * 3, [2e-6, 2.1e-6, 1.9e-6])
-    for name, value in (("_record", None), ("_diagnosed", found), ("_patch", change), ("_compared", errors)):
+    monkeypatch.setattr(gap_closing, "_recorded", lambda closing, *_: closing)
+    monkeypatch.setattr(closing_patch, "patch_of", lambda *_: change)
+    for name, value in (("_diagnosed", found), ("_compared", errors)):
         monkeypatch.setattr(gap_closing, name, lambda *_, value=value: value)
     closed = close_gap(STAGE, plant=machine(tmp_path), rounds=3, folder=tmp_path / "closed")
     assert closed.result["rounds"] == [] and closed.model == tmp_path / "closed" / "stage-0.yaml"
@@ -180,18 +182,18 @@ def test_a_model_that_is_not_kept_is_sought_again_without_its_effects(
 
 
 def test_runs_take_place_elsewhere(tmp_path: Path) -> None:
-    """Those of a campaign, which say where in the session they begin, and those that are compared, which do not."""
+    """Each run of a campaign begins where it says, those that are compared at the end of the session."""
     setup, begun = load_stage(STAGE), []
 
     def elsewhere(motion: Motion, start: float) -> Any:
         begun.append(start)
         return simulate(motion.setup, motion.plan, motion.law)
 
-    machine, shown = Machine(setup, True, None, elsewhere), Shown(lambda _: None, partial(reported, False))
+    machine, shown = Machine(setup, True, None, 70.0, elsewhere), Shown(lambda _: None, partial(reported, False))
     runs = campaign.chosen(battery(setup), ["sine-strong"], [])
     campaign.record(campaign.planned(machine, runs, 2, tmp_path, 1), shown)
     motion = prepare(setup, tmp_path / "trajectories" / "sine-strong.yaml", frozenset(), tmp_path / "again.h5")
     run_once(machine, motion, lambda *_: None)
-    assert begun[0] == 0.0 and begun[1] > motion.plan.duration and begun[2] == 0.0
+    assert begun[0] == 0.0 and begun[1] > motion.plan.duration and begun[2] == 70.0
     one, other = (open_recording(tmp_path / name).samples for name in ("sine-strong-1.h5", "again.h5"))
     assert one.tobytes() == other.tobytes()

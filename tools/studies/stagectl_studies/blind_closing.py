@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--short", action="store_true", help="a few experiments and one round")
     given = parser.parse_args(arguments)
     RUNS.mkdir()
-    machine = Machine(load_stage(given.folder / STAGE), True, None, carried_out)
+    machine = Machine(load_stage(given.folder / STAGE), True, None, elsewhere=carried_out)
     closing = Closing(machine, Path("closed"), ROUNDS, seed=1)
     if given.short:
         closing = closing._replace(rounds=1, repeats=2, only=SHORT)

@@ -32,7 +32,7 @@ from stagectl.api.stage import DesignedStage
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.experiment_design.unseen import judged, unseen
 from stagectl.kernels.law import SETPOINT_COLUMNS
-from stagectl.plan import Plan, plan
+from stagectl.plan import Plan, Start, plan
 from stagectl_studies.blind_closing import ANSWER, MODEL, RUNS, STAGE
 from stagectl_studies.exam.plan import ExamError, Planned
 from stagectl_studies.exam.question import CAPTURES, SCRATCH, Manner, Place, asked
@@ -197,7 +197,8 @@ def levels(axis: Axis, before: Setup, after: Setup) -> tuple[dict[str, float], .
     """
     each: dict[str, list[NDArray[np.float64]]] = {BEFORE: [], AFTER: [], ORACLE: []}
     for number, motion in enumerate(unseen(before)):
-        plans = {name: (setup, planned_by(setup, motion)) for name, setup in ((BEFORE, before), (AFTER, after))}
+        setups = {BEFORE: before, AFTER: after}
+        plans = {name: (setup, planned_by(setup, motion, axis.start)) for name, setup in setups.items()}
         plans[ORACLE] = (before, oracle(axis, before, plans[BEFORE][1]))
         for name, (setup, laid_out) in plans.items():
             first = _APART + number * REPEATS
@@ -206,9 +207,10 @@ def levels(axis: Axis, before: Setup, after: Setup) -> tuple[dict[str, float], .
     return tuple({name: float(pair[k]) for name, pair in means.items()} for k in range(2))
 
 
-def planned_by(setup: Setup, motion: Any) -> Plan:
-    """The motion as this set-up lays it out, with the window in which it is judged."""
-    return plan(setup, motion.trajectory, setup.controller.feedforward)._replace(steady=judged(motion))
+def planned_by(setup: Setup, motion: Any, clock: float) -> Plan:
+    """The motion as this set-up lays it out for the session's `clock` (s), with the window in which it is judged."""
+    laid_out = plan(setup, motion.trajectory, setup.controller.feedforward, Start(clock=clock))
+    return laid_out._replace(steady=judged(motion))
 
 
 def oracle(axis: Axis, setup: Setup, base: Plan) -> Plan:
