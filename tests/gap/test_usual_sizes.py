@@ -41,6 +41,13 @@ def test_a_trace_of_everything_is_spread_over_the_grid_of_each_effect() -> None:
     assert prior.deviation == pytest.approx(constants.IMMATERIAL * np.array([0.2 / 2**0.5, 0.2 / 2**0.5, 3.0]))
 
 
+def test_the_trace_of_a_wider_form_is_that_of_the_effect_that_it_holds() -> None:
+    """Cogging with its multiples is large on a bare motor; on a screw, such a trace would explain all cogging away."""
+    forms = [form("cogging", "a1", 0.02), form("cogging_map", "a2", 0.6)]
+    assert usual_sizes.immaterial(forms, places).deviation == pytest.approx([constants.IMMATERIAL * 0.02] * 2)
+    assert usual_sizes.immaterial(forms[1:], places).deviation == pytest.approx([constants.IMMATERIAL * 0.6])
+
+
 def test_the_forms_and_scales_of_an_effect_share_its_prior() -> None:
     tried = usual_sizes.of_effects(FORMS, places)
     for name in ("a", "b", "backlash"):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.selection import constants, priors
 from stagectl.gap.selection.candidates import Form
@@ -36,10 +37,23 @@ def immaterial(forms: Sequence[Form], places: Places) -> Prior:
     """
     straight, counts = [form for form in forms if not form.effect.nonlinear], _counts(forms)
     sizes = [
-        constants.IMMATERIAL * abs(size) / counts[form.effect.name] ** 0.5 for form in straight for size in form.typical
+        constants.IMMATERIAL * size / counts[form.effect.name] ** 0.5
+        for form in straight
+        for size in _usual(form, forms)
     ]
     columns = tuple(places([name for form in straight for name in form.names]))
     return Prior(columns, np.zeros(len(columns)), np.array(sizes))
+
+
+def _usual(form: Form, forms: Sequence[Form]) -> list[float]:
+    """The typical sizes of a form; of one that holds a narrower effect, no more than that effect's.
+
+    Their trace is one and the same.  At the size that is typical of a bare motor, all cogging of a screw is a trace.
+    """
+    held = {effect.name for effect in EFFECTS.values() if form.effect.name in effect.generalisations}
+    narrow = {a.unit: abs(a.typical[0]) for one in forms if one.effect.name in held for a in one.effect.amplitudes}
+    pairs = zip(form.typical, form.effect.amplitudes, strict=True)
+    return [min(abs(size), narrow.get(amplitude.unit, abs(size))) for size, amplitude in pairs]
 
 
 def _counts(forms: Sequence[Form]) -> Counter[str]:
