@@ -132,7 +132,7 @@ def _place() -> tuple[Scene, ...]:
         _scene("cogging_map", "scan-slow", "turn", COGGED),
         _scene("gravity", "scan-slow", "turn", {"sine": 0.3, "cosine": 0.0, "order": 1.0}),
         _scene("current_ripple", "scan-at-two-loads", "turn", {"sine": 0.02, "cosine": 0.0, "order": 8.0}),
-        _scene("cable_spring", "scan-slow", "position", {"stiffness": 0.1 / SIZES.stroke}),
+        _scene("cable_spring", "scan-slow", "position", {"stiffness": 0.1 / SIZES.stroke, "centre": SIZES.centre}),
         _scene("cable_hysteresis", "strokes", "since", {"effort": 0.1, "slip": 1e3 * UM}),
     )
 
