@@ -154,9 +154,9 @@ def test_a_learning_that_is_stopped_keeps_what_it_has(command: Command, monkeypa
     """A fault in the third trial: the second one's current is kept, the fault is said, exit 1."""
     real, calls = session.pretend, list[Any]()
 
-    def stopping(motion: Any, plant: Any) -> dict[str, Any]:
+    def stopping(motion: Any, *where: Any) -> dict[str, Any]:
         calls.append(motion)
-        return real(motion, plant) | ({"fault": "following error at 0.2 s"} if len(calls) == 3 else {})
+        return real(motion, *where) | ({"fault": "following error at 0.2 s"} if len(calls) == 3 else {})
 
     monkeypatch.setattr(trials, "pretend", stopping)
     options = ("--simulate", "--without", "friction", "-o", "l.h5", "--json", "-")

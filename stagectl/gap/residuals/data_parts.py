@@ -15,7 +15,7 @@ from scipy import fft
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.gram_matrices import Products
 from stagectl.gap.residuals.run_products import RunProducts
-from stagectl.gap.residuals.thresholds import COORDINATE_PARTS, KEPT, LEAST_BLOCKS, LONGEST_STROKE
+from stagectl.gap.residuals.thresholds import COORDINATE_PARTS, KEPT, LEAST_BLOCKS, LOWEST_OCTAVE
 from stagectl.parallel import in_parallel
 
 Numbers = NDArray[np.int64]  # of the part that each sample belongs to, or each line of a spectrum
@@ -34,15 +34,12 @@ def by_sample(p: Products, residuals: Residuals, numbers: Sequence[Numbers]) -> 
 
 
 def by_octave(p: Products, residuals: Residuals) -> Array:
-    """Parts by half octaves of frequency: of the cosine transform, which keeps sums of products.
-
-    Below that of a motion to and fro in the longest half strokes, all is one part.
-    """
+    """Parts by half octaves of frequency: of the cosine transform, which keeps sums of products."""
 
     def transformed(k: int, _: int, rows: Array) -> tuple[Array, Numbers]:
         count = rows.shape[-1]
         line = np.arange(count) / (2.0 * count * KEPT * p.parts[k].run.mean.dt)
-        half = np.floor(2.0 * np.log2(np.maximum(line * 2.0 * LONGEST_STROKE, 0.5**0.5))) + 1.0
+        half = np.floor(2.0 * np.log2(np.maximum(line / LOWEST_OCTAVE, 0.5))) + 2.0
         return fft.dct(rows, norm="ortho"), half.astype(np.int64)
 
     return _summed(p, residuals, transformed)

@@ -80,3 +80,6 @@ LEAST_BLOCKS = 5
 # Of the data along a coordinate; chosen: with five, an end of the speeds holds all of a delay.  Halved and doubled on
 # four development machines: one probability of ten moved, from 0.91 to 0.56 and to 0.87, and no name.
 COORDINATE_PARTS = 10
+# Hz; chosen. Half of it ends the lowest part of the frequencies; above, half octaves are parts.  Halved and doubled on
+# the same machines: one probability moved from 0.91 to 0.87, or none.
+LOWEST_OCTAVE = 1.25
