@@ -106,6 +106,7 @@ def test_every_page_with_commands_is_read() -> None:
     assert {page.name for page in DOCS.glob("*.md") if commands(page.name)} <= {page for page, _ in PAGES}
 
 
+@pytest.mark.skipif(bool(NIGHTLY), reason="takes a minute: `make nightly`; `tests/gap` closes such a gap")
 @pytest.mark.parametrize("reader", ["tutorial-log.md"], indirect=True)
 def test_the_gap_of_the_tutorial_is_found(reader: Reader) -> None:
     """The slow commands of the tutorial, whole, and their answer."""

@@ -68,7 +68,9 @@ def test_the_first_of_them_and_then_the_rest(tmp_path: Path) -> None:
 
 def test_strata_that_are_none(tmp_path: Path) -> None:
     """Refused with the names there are, before anything is written."""
-    with pytest.raises(StageError, match=r"--strata double: no such .* null, single, null-exact, .* alien, poor, closed$"):
+    with pytest.raises(
+        StageError, match=r"--strata double: no such .* null, single, null-exact, .* alien, poor, closed$"
+    ):
         held(tmp_path / "exam", "--strata", "pair,double")
     assert list(tmp_path.iterdir()) == []
     held(tmp_path / "exam", "--strata", "pair")  # the folder is free for the exam that was meant
