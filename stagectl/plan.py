@@ -109,7 +109,7 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     p, dt = model_effects.without(setup.stage, setup.file.control.unanswered), setup.dt
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
-    memory = model_effects.going_on(p, (start.position, start.clock), start.effects)
+    memory = model_effects.going_on(p, start.position, start.effects, start.clock)
     if not model_effects.present(p) and memory.held == 0.0:
         return model_effects.Answer()
     each = model_effects.steps(p, dt)

@@ -140,8 +140,6 @@ def _choices(parts: Sequence[Any]) -> list[str]:
 
 def _shown(value: Any) -> str:
     """A value of the wrong type: a short one as it is written."""
-    kind = type(value).__name__
-    text = repr(value)
-    return (
-        f"= {text} of type {kind}" if len(text) <= 40 and "\n" not in text and value is not None else f"of type {kind}"
-    )
+    text, kind = repr(value), f"of type {type(value).__name__}"
+    short = value is not None and len(text) <= _SHORT and "\n" not in text
+    return f"= {text} {kind}" if short else kind

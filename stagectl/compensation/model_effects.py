@@ -139,12 +139,11 @@ def begun(p: stage.Stage, position: float, clock: float = 0.0) -> Memory:
     return Memory(stage.at_rest(p, position, clock), stage.at_rest(plain(p), position, clock), position)
 
 
-def going_on(p: stage.Stage, where: tuple[float, float], left: Memory | None) -> Memory:
-    """The memory of an axis that stands at a position (rad | m) at the session clock (s), both in `where`.
+def going_on(p: stage.Stage, position: float, left: Memory | None, clock: float) -> Memory:
+    """The memory of an axis that stands at `position` (rad | m) at the session `clock` (s).
 
     It is what the last motion `left`, if that ended there.
     """
-    position, clock = where
     if left is None or abs(left.whole.position - position) > p.encoder.step + ROUNDING * (1.0 + abs(position)):
         return begun(p, position, clock)
     return left.at(clock)
