@@ -24,7 +24,7 @@ def _with_effects(law: L) -> L:
         "__annotations__": {**hints, **{name: kernel[name] for name in EFFECTS}},
         **own._field_defaults,
         **{name: Friction._field_defaults[name] for name in EFFECTS},
-        **{name: method for name, method in vars(law).items() if name in ("operators", "bristle")},
+        **{name: vars(law)[name] for name in {"operators", "bristle"} & {*vars(law)} - {*own._fields}},
     }
     block: Any = types.new_class(own.__name__, (NamedTuple,), exec_body=lambda names: names.update(content))
     return cast("L", block)
@@ -48,13 +48,23 @@ class Rolling(NamedTuple):
         return friction.bundle([self.coulomb / self.elements] * self.elements, slips)
 
 
+class OwnBristle(NamedTuple):
+    """A bristle beside stop operators, as Dahl's or LuGre's; a `coulomb` of 0 is none."""
+
+    coulomb: Annotated[float, Quantity("N m | N", "[0, 1e6]", "its friction at speed; 0 is none")] = 0.0
+    range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "its friction over its stiffness at rest")] = 1.0
+    exponent: Annotated[float, Quantity("", "[0.2, 4]", "n, the shape of the approach; 1 is exponential")] = 1.0
+    damping: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e9]", "of the bristle, sigma_1")] = 0.0
+
+
 @_with_effects
 class Operators(NamedTuple):
-    """Rolling friction element by element, as an identification writes it."""
+    """Rolling friction element by element, as an identification writes it; a bristle may bend the curve further."""
 
     weight: Annotated[tuple[float, ...], Quantity("N m | N", "[0, 1e6]", "force at which each element slips")]
     slip: Annotated[tuple[float, ...], Quantity("rad | m", "(0, 1e3]", "displacement at which each element slips")]
     stribeck: friction.Stribeck = friction.Stribeck()
+    bristle: OwnBristle = OwnBristle()
 
     def operators(self) -> friction.StopOperators:
         """The elements, as given."""
@@ -101,9 +111,17 @@ def law_in(block: Mapping[str, Any]) -> Rolling | Operators | Dahl | Lugre:
 
 
 def friction_of(law: Rolling | Operators | Dahl | Lugre) -> stage.Friction:
-    """The plant's friction: a bundle of stop operators, or a bristle with a bundle that carries nothing."""
-    if isinstance(law, Rolling | Operators):
-        friction_ = stage.Friction(law.operators(), law.stribeck)
-    else:
+    """The plant's friction: a bundle of stop operators, with a bristle or without, or a bundle that carries nothing."""
+    if isinstance(law, Dahl | Lugre):
         friction_ = stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), law.bristle())
+    else:
+        friction_ = stage.Friction(law.operators(), law.stribeck, _beside(law))
     return friction_._replace(**{name: getattr(law, name) for name in EFFECTS})
+
+
+def _beside(law: Rolling | Operators) -> friction_bristle.Bristle:
+    """The bristle beside the stop operators, which follow the same Stribeck curve."""
+    if isinstance(law, Rolling) or law.bristle.coulomb == 0.0:
+        return friction_bristle.NEUTRAL
+    coulomb, length, exponent, damping = law.bristle
+    return friction_bristle.Bristle(coulomb, coulomb / length, exponent, damping, law.stribeck)

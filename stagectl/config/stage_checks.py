@@ -10,13 +10,14 @@ from typing import Any
 
 from stagectl.compensation.rolling import GeneralisedMaxwell, ReversalTable
 from stagectl.config.bounds import DELAY_LINE, SAME_VALUE, WIDEST_SLIPS
-from stagectl.config.friction_laws import Operators, Rolling
+from stagectl.config.friction_laws import Operators, Rolling, friction_of
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
 from stagectl.drives.drive import Canopen
 from stagectl.kernels.effects import TURN
 from stagectl.kernels.fields import get
+from stagectl.kernels.stage import sliding
 from stagectl.number_format import duration
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
@@ -120,7 +121,7 @@ def _drive(file: StageFile) -> Iterator[Problem]:
         reason = f"must be below drive.current_limit, {drive.current_limit:g} A, from which the drive folds back to it"
         current = f"{drive.continuous_current:g} A"
         yield Problem(reason, _CONFLICT, "drive.continuous_current", current, "A", f"(0, {drive.current_limit:g})")
-    friction = sum(file.friction.weight) if isinstance(file.friction, Operators) else file.friction.coulomb
+    friction = sliding(friction_of(file.friction))
     if drive.current_limit * file.motor.force_constant <= friction:
         holding = friction / file.motor.force_constant
         reason = "the Coulomb friction holds the axis up to this limit, so it cannot move"

@@ -23,7 +23,7 @@ from stagectl.gap.controller_check.command_check import CommandCheck, check_comm
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
-from stagectl.gap.inference import cable_centre, unknown, value_errors
+from stagectl.gap.inference import cable_centre, constant_force, unknown, value_errors
 from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities
@@ -99,6 +99,7 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     functions = unknown.functions(evidence, size, library)
     selected = select.select(evidence, library, progress, lambda now: unknown.largest(evidence, now, functions))
     selected = value_errors.borne_out(evidence, library, selected, functions, progress)
+    evidence, selected = constant_force.settled(evidence, library, selected, progress)
     selected = selected._replace(fitted=cable_centre.centred(evidence, selected.fitted))
     timer.begin(Step.PARAMETERS)
     conclusions = conclude(session, evidence, library, selected, functions, options.excluded)

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from stagectl.config.friction_laws import Dahl, Lugre
+from stagectl.config.friction_laws import Dahl, Lugre, friction_of
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader
 from stagectl.config.stage_blocks import StageFile
@@ -124,21 +124,21 @@ def _friction(file: StageFile) -> dict[str, Any]:
     if isinstance(file.friction, Dahl | Lugre):
         name = "dahl" if isinstance(file.friction, Dahl) else "lugre"
         return {"law": name, **written(file.friction.bristle())}
-    operators = file.friction.operators()
+    operators, beside = file.friction.operators(), friction_of(file.friction).bristle
     return {
         "law": "stop-operator",
         "weight": written(operators.weight),
         "slip": written(operators.slip),
         "coulomb": math.fsum(operators.weight),
         **({"stribeck": file.friction.stribeck._asdict()} if file.friction.stribeck.rise else {}),
+        **({"bristle": written(beside)} if beside.coulomb else {}),
     }
 
 
 def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
     """The bristle that a compensation by the stage's own model runs in addition to its stop operators."""
-    if not compensated or not isinstance(file.friction, Dahl | Lugre):
-        return {}
-    return {"friction_bristle": written(file.friction.bristle())}
+    bristle = friction_of(file.friction).bristle
+    return {"friction_bristle": written(bristle)} if compensated and bristle.coulomb else {}
 
 
 def _drive(file: StageFile) -> dict[str, Any]:

@@ -37,6 +37,7 @@ from stagectl.gap.logs.session import GapError
 from stagectl.gap.result import result_json
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.steps import in_percent
+from stagectl.kernels.stage import Stage
 from stagectl.number_format import length, percent
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
@@ -133,15 +134,14 @@ def _round(closing: Closing, stage: Path, number: int, struck: Names, shown: Sho
     """One round from the model `stage`, `struck` effects left out; words instead where nothing more can be applied."""
     setup = closing.setup(stage)
     place = closing.folder / f"round-{number}"
-    found = _diagnosed(closing, setup, place, struck, shown)
-    if not found.named:
-        return found.sentence.rstrip(".")
+    diagnosis, nominal = _diagnosed(closing, setup, place, struck, shown)
+    found = diagnosis.result
     try:
-        change = closing_patch.patch_of(found, closing.machine.setup.path, stage, shown.say)
+        change = closing_patch.patch_of(diagnosis, nominal, closing.machine.setup.path, stage, shown.say)
     except StageError as error:
         return str(error)
     if not change.changes:
-        return "the model says all of it already"
+        return found.sentence.rstrip(".")
     target = closing.version(number)
     target.write_text(change.after, encoding="utf-8")
     errors = _compared(closing, {BEFORE: setup, AFTER: closing.setup(target)}, place / "compared", shown)
@@ -175,15 +175,17 @@ def _recorded(closing: Closing, setup: Setup, shown: Shown) -> Closing:
     return closing._replace(machine=closing.machine._replace(clock=end))
 
 
-def _diagnosed(closing: Closing, setup: Setup, place: Path, struck: Names, shown: Shown) -> DiagnosisResult:
-    """What the records hold beyond the model of `setup`."""
+def _diagnosed(
+    closing: Closing, setup: Setup, place: Path, struck: Names, shown: Shown
+) -> tuple[pipeline.Diagnosis, Stage]:
+    """What the records hold beyond the model of `setup`, and that model."""
     with shown.bar("diagnosis", 100) as update:
         session = load_session.load([closing.records], setup)
-        found = pipeline.diagnose(session, pipeline.Options(struck, advice=False), in_percent(update)).result
+        found = pipeline.diagnose(session, pipeline.Options(struck, advice=False), in_percent(update))
         update(100, 100)
     place.mkdir(parents=True, exist_ok=True)
-    result_json.save(found, place)
-    return found
+    result_json.save(found.result, place)
+    return found, session.stage
 
 
 def _compared(

@@ -74,7 +74,7 @@ def test_a_model_that_makes_the_error_larger_is_not_kept(tmp_path: Path, monkeyp
     errors = measured([1e-6] * 3, [2e-6, 2.1e-6, 1.9e-6])
     monkeypatch.setattr(gap_closing, "_recorded", lambda closing, *_: closing)
     monkeypatch.setattr(closing_patch, "patch_of", lambda *_: change)
-    for name, value in (("_diagnosed", found), ("_compared", errors)):
+    for name, value in (("_diagnosed", (SimpleNamespace(result=found), None)), ("_compared", errors)):
         monkeypatch.setattr(gap_closing, name, lambda *_, value=value: value)
     closed = close_gap(STAGE, plant=machine(tmp_path), rounds=3, folder=tmp_path / "closed")
     assert closed.result["rounds"] == [] and closed.model == tmp_path / "closed" / "stage-0.yaml"

@@ -15,9 +15,9 @@ from stagectl.config.lengths import Lengths
 from stagectl.config.patch import patched
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.inference.patch_fields import NoLawError, fields_of
+from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.result.diagnosis import UNORDERED, DiagnosisResult, Fields
-from stagectl.gap.result.patch import PatchError, applied, parts, patch_of, with_choices
+from stagectl.gap.result.patch import PatchError, applied, parts, patch_of, patch_with, with_choices
 from stagectl.gap.result.result_json import save
 from stagectl.kernels import effects, friction, friction_bristle
 from stagectl.kernels.stage import Stage
@@ -178,10 +178,17 @@ def test_the_difference_of_two_models_as_fields(after: Stage, expected: Fields) 
     assert fields_of(NOMINAL, after) == expected
 
 
-def test_a_friction_no_file_can_hold_is_refused() -> None:
-    both = NOMINAL.friction._replace(bristle=friction_bristle.Bristle(1.0, 500.0))
-    with pytest.raises(NoLawError):
-        fields_of(NOMINAL, NOMINAL._replace(friction=both))
+def test_a_bristle_beside_stop_operators_is_written_and_taken_back(stage: Path) -> None:
+    """What the diagnosis fits, the stage file holds: without it the model would lose the form of the friction."""
+    both = NOMINAL._replace(friction=NOMINAL.friction._replace(bristle=friction_bristle.Bristle(0.5, 500.0, 2.0)))
+    held = patch_with(dict(fields_of(NOMINAL, both)), stage, stage.read_text())
+    wanted = dict(fields_of(NOMINAL, both))
+    read = dict(fields_of(NOMINAL, load_stage(stage, text=held.after).stage))
+    bristle = {name: value for name, value in wanted.items() if "bristle" in name}
+    assert len(bristle) == 4 and {name: read[name] for name in bristle} == pytest.approx(bristle, rel=1e-6)
+    stage.write_text(held.after)
+    alone = patch_with(dict(fields_of(both, NOMINAL)), stage, held.after)
+    assert load_stage(stage, text=alone.after).stage.friction.bristle == friction_bristle.NEUTRAL
 
 
 def test_only_what_is_named_or_asked_for_is_written() -> None:

@@ -130,13 +130,6 @@ def test_the_family_holds_the_nominal_law_exactly() -> None:
     assert len(wide.operators.weight) > len(p.operators.weight)
 
 
-def test_a_law_as_stop_operators_keeps_its_curve() -> None:
-    p = SETUP.stage.friction
-    place = np.geomspace(1e-5, 1e-1, 50)
-    plain = friction_family.as_operators(p)
-    assert friction_family.reversal(plain, place) == pytest.approx(friction_family.reversal(p, place), abs=0.02)
-
-
 def test_an_order_of_the_pitch_is_found() -> None:
     angle = np.linspace(0.0, 40.0, 4000)
     whole = np.arange(1, 20)

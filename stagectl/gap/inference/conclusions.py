@@ -63,14 +63,17 @@ def conclude(
     largest = {name: max(each.deviations()[name] for each in known) for name in known[0].names}
     effects = verdict.named_effects(session, e, selected, cable_centre.with_centre(now, largest))
     before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
-    shifts = shifted_parameters.shifted(session, parameter_errors.shifts(session, e, now, known, before), now)
+    shifts = [
+        shift._replace(probability=min(shift.probability, selected.probability.get(shift.name, 1.0)))
+        for shift in parameter_errors.shifts(session, e, now, known, before)
+    ]
     richest = with_shape(e, sure.fitted, shape) if shape is not None and shape.fields else now
     explained = [effect.name for effect in effects if effect.probability >= NAMED]
     seen = signatures(session, e, richest, (*excluded, *explained))
     once = {*excluded, *(signature.effect.name for signature in seen)}  # what is both fitted and seen counts once
     return Conclusions(
         tuple(effect for effect in effects if effect.name not in once),
-        tuple(shift for shift in shifts if shift.name not in excluded),
+        tuple(shift for shift in shifted_parameters.shifted(session, shifts, now) if shift.name not in excluded),
         tuple(seen),
         shape,
         tuple(fitted.equipped.stage for fitted in (richest, now)),

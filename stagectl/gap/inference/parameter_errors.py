@@ -22,7 +22,7 @@ from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
-from stagectl.gap.selection import baseline_fit, refine
+from stagectl.gap.selection import baseline_fit, constants, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -156,10 +156,15 @@ def _probability(name: str, p: Estimate) -> float:
     """Probability that a parameter has changed, and by more than what matters for a model."""
     spread, moved = max(p.deviation, 1e-9 * p.scale), p.value - p.nominal
     factor = log_odds(np.array([moved]), np.array([[spread**2]]), np.array([max(p.prior, 1e-300)]))
-    odds = np.log(thresholds.SHIFT_ODDS[name]) + factor
+    odds = np.log(shift_odds(name, p.nominal)) + factor
     least = thresholds.SHIFT_LEAST[name] * p.scale
     beyond = ndtr((moved - least) / spread) + ndtr((-moved - least) / spread)
     return float(expit(odds) * beyond)
+
+
+def shift_odds(name: str, nominal: float) -> float:
+    """Prior odds that a parameter is off."""
+    return constants.INCLUSION if name in thresholds.MAY_BE_NONE and nominal == 0.0 else 1.0
 
 
 def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> Iterator[Shift]:

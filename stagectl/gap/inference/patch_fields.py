@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import Fields, Setting
 from stagectl.kernels import effects
 from stagectl.kernels.friction_bristle import Bristle
@@ -16,19 +15,11 @@ _OF_LAW = ("operators", "bristle", "stribeck")  # fields of the friction that a 
 _PLACELESS = frozenset(place for effect in EFFECTS.values() if not effect.in_stage_file for place in effect.places)
 
 
-class NoLawError(GapError):
-    """A friction that no law of a stage file describes; `weights` and `bristle` are both in it."""
-
-    def __init__(self, friction: Friction) -> None:
-        super().__init__("the friction has stop operators and a bristle: no law of a stage file has both")
-        self.weights, self.bristle = tuple(friction.operators.weight), friction.bristle
-
-
 def fields_of(before: Stage, after: Stage) -> Fields:
     """Every place at which `after` differs from `before`, with the value that it has there.
 
     A friction whose elements or bristle differ gives its law and all that belongs to it.  Places that a stage file
-    does not have are left out.  Raises NoLawError where no law of a stage file describes the friction.
+    does not have are left out.
     """
     fields: list[tuple[str, Setting]] = []
     for block in ("drive", "motor", "mechanics", "encoder"):
@@ -75,20 +66,19 @@ def _law(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
     """The friction's law with its elements or its bristle, where they differ."""
     if _same(old.operators, new.operators) and _same(old.bristle, new.bristle):
         return
-    if any(weight > 0.0 for weight in new.operators.weight) and _has_bristle(new):
-        raise NoLawError(new)
-    yield from _bristle(new.bristle) if _has_bristle(new) else _operators(new)
+    yield from _bristle(new.bristle) if _is_bristle(new) else _operators(old, new)
 
 
-def _has_bristle(p: Friction) -> bool:
-    return p.bristle.coulomb > 0.0
+def _is_bristle(p: Friction) -> bool:
+    """Whether nothing rubs but a bristle."""
+    return p.bristle.coulomb > 0.0 and not any(weight > 0.0 for weight in p.operators.weight)
 
 
 def _stribeck(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
     """The Stribeck curve of the law; Dahl's has none."""
-    if _has_bristle(new) and not _damped(new.bristle):
+    if _is_bristle(new) and not _damped(new.bristle):
         return
-    before, after = (p.bristle.stribeck if _has_bristle(p) else p.stribeck for p in (old, new))
+    before, after = (p.bristle.stribeck if _is_bristle(p) else p.stribeck for p in (old, new))
     yield from _differences("friction.stribeck", before, after)
 
 
@@ -96,10 +86,18 @@ def _damped(p: Bristle) -> bool:
     return p.damping != 0.0 or p.stribeck.rise != 0.0
 
 
-def _operators(p: Friction) -> Iterator[tuple[str, Setting]]:
+def _operators(old: Friction, p: Friction) -> Iterator[tuple[str, Setting]]:
+    """The elements, and the bristle beside them, if there is or was one."""
     yield "friction.law", "stop-operators"
     yield "friction.weight", tuple(float(value) for value in p.operators.weight)
     yield "friction.slip", tuple(float(value) for value in p.operators.slip)
+    if p.bristle.coulomb > 0.0:
+        yield "friction.bristle.coulomb", p.bristle.coulomb
+        yield "friction.bristle.range", p.bristle.coulomb / p.bristle.stiffness
+        yield "friction.bristle.exponent", p.bristle.exponent
+        yield "friction.bristle.damping", p.bristle.damping
+    elif old.bristle.coulomb > 0.0 and not _is_bristle(old):
+        yield "friction.bristle.coulomb", 0.0
 
 
 def _bristle(p: Bristle) -> Iterator[tuple[str, Setting]]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Data
 from stagectl.gap.inference.parameter_errors import Shift, common, of_force, shared
-from stagectl.gap.inference.verdict import changed
+from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import Fields, FoundEffect, Value
@@ -82,7 +82,7 @@ def _fields(session: Session, shift: Shift, now: Fitted) -> Fields:
     if shift.name in ("inertia", "viscous", "bias"):
         return ((f"mechanics.{shift.name}", shift.value.value),)
     if shift.name == "dead_time":
-        return changed(session.stage, session.stage._replace(drive=now.model.stage.drive))
+        return fields_of(session.stage, session.stage._replace(drive=now.model.stage.drive))
     if shift.name in ("coulomb", "presliding"):
-        return changed(session.stage, session.stage._replace(friction=now.model.stage.friction))
+        return fields_of(session.stage, session.stage._replace(friction=now.model.stage.friction))
     return ()

@@ -6,8 +6,6 @@ derived.
 
 from __future__ import annotations
 
-from stagectl.gap.selection.constants import INCLUSION
-
 # -- verdict: names, alternatives, probabilities ---------------------------------------------------------------------
 
 DEAD_TIME_PER_JITTER = 4.0  # ratio; chosen. A shorter mean delay is part of the jitter and no dead time.
@@ -18,10 +16,9 @@ SHIFT_SHARE = 0.005  # of the closable misfit before the refit; chosen. A shift 
 # Relative; of the bias to the friction, of the time shift to the period; chosen. A smaller shift does not matter.
 SHIFT_LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02}
 SHIFT_LEAST |= {"time_shift": 0.1, "dead_time": 0.1}  # control periods
-# Prior odds of a change: a value of a model is as often off as not, also the delay where no measured current tells it;
-# that a log is late, as of any effect.
-SHIFT_ODDS = dict.fromkeys(("inertia", "viscous", "coulomb", "presliding", "bias", "dead_time"), 1.0)
-SHIFT_ODDS |= {"time_shift": INCLUSION}
+# Parameters that a machine may well not have.  Prior odds of a change: a value of a model is as often off as not, also
+# the delay where no measured current tells it.  One of these that the model gives as none is as rare as any effect.
+MAY_BE_NONE = ("bias", "time_shift")
 FRICTIONLESS = 0.01  # of the larger Coulomb friction, nominal or fitted; chosen. Below, its length has no meaning.
 COMMON_SPREAD = 0.006  # of log J, log D, log T_c; chosen. Within it their shifts are one common scale.
 COMMON_LEAST = 0.01  # relative shift; chosen. Each of the three must exceed it.

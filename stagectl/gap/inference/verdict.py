@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Amplitude, Data, Definition, Shape
-from stagectl.gap.inference import patch_fields, thresholds
+from stagectl.gap.inference import thresholds
+from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.inference.signatures import DriveSignature
-from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.residuals import friction_family
+from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
@@ -72,7 +72,7 @@ def _effect(
         share=0.0,
         parameters=parameters(fitted, deviation, session.kind),
         block=fitted.effect.block,
-        fields=changed(equipped(now.model, rest).stage, now.equipped.stage),
+        fields=fields_of(equipped(now.model, rest).stage, now.equipped.stage),
         coordinate=fitted.effect.coordinate,
         choices=tuple((other, _fields(fit)) for other, fit in _rivals(e, selected, name).items()),
     )
@@ -80,7 +80,7 @@ def _effect(
 
 def _fields(fit: Fitted) -> Fields:
     """What the last effect of a fit changes."""
-    return changed(equipped(fit.model, fit.effects[:-1]).stage, fit.equipped.stage)
+    return fields_of(equipped(fit.model, fit.effects[:-1]).stage, fit.equipped.stage)
 
 
 def _alternatives(name: str, selected: Selection) -> tuple[str, ...]:
@@ -91,15 +91,6 @@ def _alternatives(name: str, selected: Selection) -> tuple[str, ...]:
     alike = [*comparable, *library.look_alikes(name, Data.ONE_SPEED)]
     barred = {*library.generalisations(name), *present}
     return tuple(dict.fromkeys([*exact, *(other for other in alike if other not in barred)]))
-
-
-def changed(before: Stage, after: Stage) -> Fields:
-    """Fields of the stage file that an effect changes; a friction that no law has is taken as stop operators."""
-    try:
-        return patch_fields.fields_of(before, after)
-    except GapError:
-        law = friction_family.as_operators(after.friction)
-        return patch_fields.fields_of(before, after._replace(friction=law))
 
 
 def parameters(fitted: EffectValues, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:

@@ -18,7 +18,7 @@ _LAWS = (*_STOPS, "dahl", "lugre", "none")
 _KEYS = {
     "stage": "name kind position_unit torque_unit force_constant inertia viscous bias travel_per_unit_mm pitch "
     "encoder_step encoder_periods_per_pitch accuracy",
-    "friction": "law weight slip coulomb stribeck stiffness exponent damping viscous",
+    "friction": "law weight slip coulomb stribeck stiffness exponent damping viscous bristle",
     "drive": "current_loop_s delay_samples resistance_ohm back_emf_V_per_unit_s current_limit_A voltage_limit_V "
     "amplifier_A_per_V current_quantum_A",
 }
@@ -103,7 +103,9 @@ def _friction(rubbing: Block) -> stage.Friction:
         return FREE
     curve = stribeck(rubbing.block("stribeck"))
     if law in _STOPS:
-        return stage.Friction(operators(rubbing, "weight", "slip"), curve)
+        beside = rubbing.block("bristle")
+        own = bristle(beside, curve) if beside.values else friction_bristle.NEUTRAL
+        return stage.Friction(operators(rubbing, "weight", "slip"), curve, own)
     return stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), bristle(rubbing, curve))
 
 

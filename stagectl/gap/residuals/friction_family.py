@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import nnls
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import thresholds
@@ -68,16 +67,6 @@ def spread(nominal: stage.Friction) -> stage.Friction:
     elements = sorted([*own, *((slip, 0.0) for slip in added)])
     bundle = friction.bundle([weight for _, weight in elements], [slip for slip, _ in elements])
     return nominal._replace(operators=bundle)
-
-
-def as_operators(p: stage.Friction) -> stage.Friction:
-    """`p` as stop operators alone, with the same reversal curve: what a stage file can hold."""
-    zone = length(p)
-    slips = np.geomspace(0.01 * zone, 2.0 * zone, 2 * thresholds.ELEMENTS)
-    place = np.geomspace(1e-3 * zone, 4.0 * zone, 300)
-    weights = nnls(2.0 * np.minimum(place[:, None] / (2.0 * slips), 1.0), reversal(p, place))[0]
-    kept = weights > 0.0
-    return p._replace(operators=friction.bundle(weights[kept], slips[kept]), bristle=friction_bristle.NEUTRAL)
 
 
 def bristles(nominal: stage.Stage) -> list[friction_bristle.Bristle]:

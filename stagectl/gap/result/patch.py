@@ -73,15 +73,19 @@ def patch_of(
     Raises PatchError where there is nothing to write, ConfigError where the file has no such place.
     """
     chosen, omitted = parts(result, only, unknown)
-    settings = merged(chosen)
-    file = load_stage(source, designed=False, text=text).file
-    axis = file.axis
-    check_machine(result, axis, source)
     text = read_text(source) if text is None else text
+    check_machine(result, load_stage(source, designed=False, text=text).file.axis, source)
+    patch = patch_with(merged(chosen), source, text)
+    reasons = (f"{part.name}: {part.reason}" for part in chosen)
+    return patch._replace(comments=(*reasons, *patch.comments, *omitted))
+
+
+def patch_with(settings: Mapping[str, Setting], source: Path, text: str) -> Patch:
+    """The patch that brings the stage file `source`, whose content is `text`, to these settings."""
+    file = load_stage(source, designed=False, text=text).file
     values, replaced = arranged(settings, file, text)
-    change = patched(text, values, Lengths(axis.kind, axis.lead))
-    comments = (*(f"{part.name}: {part.reason}" for part in chosen), *replaced, *omitted)
-    return Patch(source, values, text, change.text, change.changes, comments)
+    change = patched(text, values, Lengths(file.axis.kind, file.axis.lead))
+    return Patch(source, values, text, change.text, change.changes, tuple(replaced))
 
 
 def check_machine(result: DiagnosisResult, axis: Axis, source: Path) -> None:
@@ -193,7 +197,7 @@ def arranged(settings: Mapping[str, Setting], file: StageFile, text: str) -> tup
         return dict(settings), []
     own = {name.split(".")[1]: value for name, value in settings.items() if _direct(name)}
     rest = {name: value for name, value in settings.items() if not _direct(name)}
-    short = _as_rolling(own, file.friction)
+    short = None if "friction.bristle.coulomb" in rest else _as_rolling(own, file.friction)
     if short is not None:
         return {**short, **rest}, []
     block: dict[str, Any] = {**dict.fromkeys(_kept(str(own["law"]), text), KEPT), **own}

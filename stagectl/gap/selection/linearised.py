@@ -42,7 +42,7 @@ class Library(NamedTuple):
 class Linearised(NamedTuple):
     """The sets of effects that may join one model, compared."""
 
-    start: Conditioned
+    start: Conditioned  # whose evidence is that of the model without any of them
     candidates: list[Candidate]
     forms: tuple[Form, ...]
     excess: Cuts
@@ -131,7 +131,7 @@ def _start(g: Grams, nuisances: Sequence[Prior], left: Cuts, count: int) -> Cond
     An effect that explains much explains it with an error of form, so the temper stays that of the beginning.
     """
     mixed = temper(left[0], count) * g.effort.sum(axis=0) + temper(left[1], count) * g.current.sum(axis=0)
-    state = Conditioned(mixed[:-1, :-1], mixed[:-1, -1], 0.0)
+    state = Conditioned(mixed[:-1, :-1], mixed[:-1, -1], -0.5 * float(mixed[-1, -1]))
     for prior in nuisances:
         if prior.places:
             state = conditioned(state, prior)

@@ -33,7 +33,7 @@ class Selection(NamedTuple):
 
     fitted: Fitted
     left: linearised.Cuts  # sum of squares above the floor that nothing of the model explains
-    probability: dict[str, float]  # of each effect
+    probability: dict[str, float]  # of each effect, and of a bias that is off
     alternatives: dict[str, dict[str, float]]  # of each effect: odds of others in its place against it
     gains: dict[str, float]  # of each effect: sum of squares that nothing else of the model explains
     rivals: dict[str, dict[str, EffectValues]]  # the comparable alternatives, with their values

@@ -1,0 +1,53 @@
+"""A constant force and an asymmetry share the probability that the data leave them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from stagectl_studies.machine.stage_trial import stage_trial
+from stagectl_studies.machine.trials import Options, draw
+
+import stagectl as sc
+from stagectl.gap.result.diagnosis import FoundEffect
+from tests.gap.captured import CONFIG
+
+KEPT = {"time": "s", "reference": "rad", "command": "A", "measured": "rad", "measured_current": "A"}
+SEED = 41  # of the foreign machine
+
+
+def of_sine(change: dict[str, float], folder: Path) -> FoundEffect:
+    """The one effect that is named in a log of the ball screw with a `change`: one sine, at one speed."""
+    stage = sc.load_stage(CONFIG / "ball-screw.yaml")
+    ran = sc.simulate(stage, CONFIG / "trajectories" / "sine-0.8hz.yaml", plant=stage.changed(change))
+    header, rows = ",".join(f"{name}_{unit}" for name, unit in KEPT.items()), np.column_stack([ran[n] for n in KEPT])
+    np.savetxt(folder / "sine.csv", rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    (named,) = sc.diagnose(folder / "sine.csv", stage=stage, advice=False).named
+    return named
+
+
+def of_foreign(effect: str, folder: Path) -> dict[str, FoundEffect]:
+    """What is named on a machine that has this `effect`, from the short battery."""
+    stage_trial(draw(SEED, "single", Options(effects=(effect,), short=True)), folder)
+    return {found.name: found for found in sc.diagnose(folder / "captures", advice=False).named}
+
+
+@pytest.mark.parametrize("change", [{"friction.asymmetry": 0.05}, {"mechanics.bias": 0.04}])
+def test_one_motion_leaves_the_two_in_doubt(tmp_path: Path, change: dict[str, float]) -> None:
+    """In this law of friction they are one and the same but for the first reversal."""
+    named = of_sine({**change, "simulation.current_noise": 45e-3}, tmp_path)
+    assert {named.name, *named.alternatives} >= {"coulomb_asymmetry", "bias"} and 0.5 <= named.probability < 0.9
+
+
+def test_a_viscous_asymmetry_is_no_constant_force(tmp_path: Path) -> None:
+    """At one speed a constant force takes a part of it; neither inertia nor friction has changed."""
+    named = of_sine({"mechanics.viscous_asymmetry": 0.1, "simulation.current_noise": 5e-3}, tmp_path)
+    size = named.parameters["size"]
+    assert named.name == "viscous_asymmetry" and size.low <= 0.1 <= size.high < 0.12
+
+
+@pytest.mark.parametrize(("effect", "other"), [("bias", "coulomb_asymmetry"), ("coulomb_asymmetry", "bias")])
+def test_reversals_tell_them_apart_where_the_law_of_friction_does(tmp_path: Path, effect: str, other: str) -> None:
+    found = of_foreign(effect, tmp_path)
+    assert found[effect].probability > 0.6 and other not in found
