@@ -34,11 +34,7 @@ def sentence(result: Result) -> str:
 
 def notes(result: Result) -> list[str]:
     """How it went and how it ended."""
-    lines = [
-        f"Round {number}: {done['diagnosis']}. It was here: {done['where']}. On its held-out runs "
-        f"{percent(done['foretold'])} of the squared gap closes."
-        for number, done in enumerate(result["rounds"], 1)
-    ]
+    lines = [_round(number, done) for number, done in enumerate(result["rounds"], 1)]
     if result["rounds"]:
         ways = (("By the simulated change", "foretold"), ("On the machine", "levels"))
         lines.append(" ".join(_shrunk(where, result[levels], result) for where, levels in ways))
@@ -47,6 +43,13 @@ def notes(result: Result) -> list[str]:
     where = "Simulated runs." if result["simulated"] else "Runs on the drive."
     back = "`stage-0.yaml` is the model as it was."
     return [*lines, f"It ended because of this: {result['ended']}.", f"{where} The model is {result['model']}; {back}"]
+
+
+def _round(number: int, done: Result) -> str:
+    """What was found in one round, and where."""
+    place = f" It was here: {done['where']}." if done["found"] else " No effect was added: the fitted values of the model were applied."
+    closes = f"On its held-out runs {percent(done['foretold'])} of the squared gap closes."
+    return f"Round {number}: {done['diagnosis']}.{place} {closes}"
 
 
 def _shrunk(where: str, levels: dict[str, float], result: Result) -> str:
