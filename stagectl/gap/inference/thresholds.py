@@ -8,7 +8,7 @@ from __future__ import annotations
 
 # -- verdict: names, alternatives, probabilities ---------------------------------------------------------------------
 
-DEAD_TIME_PER_JITTER = 4.0  # ratio; chosen. A shorter mean delay is part of the jitter and no dead time.
+DELAY_PER_JITTER = 4.0  # ratio; chosen. A shorter mean delay or lag is part of the jitter.
 
 # -- parameter errors ------------------------------------------------------------------------------------------------
 

@@ -19,6 +19,8 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
 from stagectl.kernels.stage import Stage
 
+DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects that are one, and its name among their values
+
 
 def named_effects(
     session: Session, e: Evidence, selected: Selection, deviation: Mapping[str, float]
@@ -50,12 +52,13 @@ def only_named(e: Evidence, selected: Selection) -> Selection:
 
 
 def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[DriveSignature]) -> list[FoundEffect]:
-    """Effects and the drive's signatures; the mean of a jittering delay is no dead time of its own."""
+    """Effects and the drive's signatures; the mean of a jittering delay is no delay of its own."""
     jitter = next((signature.value for signature in signatures if signature.effect.name == "jitter"), 0.0)
     kept = [
         effect
         for effect in effects
-        if effect.name != "dead_time" or effect.parameters["time"].value > thresholds.DEAD_TIME_PER_JITTER * jitter
+        if effect.name not in DELAYS
+        or effect.parameters[DELAYS[effect.name]].value > thresholds.DELAY_PER_JITTER * jitter
     ]
     return [*kept, *(signature.effect for signature in signatures)]
 

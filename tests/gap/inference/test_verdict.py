@@ -45,9 +45,10 @@ def test_a_friction_that_lags_is_a_stribeck_friction_too() -> None:
     assert (curve.name, set(curve.parameters), curve.alternatives) == ("stribeck", {"rise"}, ("dwell",))
 
 
-@pytest.mark.parametrize(("dead_time", "kept"), [(3e-4, False), (5e-4, True)])
-def test_a_short_mean_delay_belongs_to_the_jitter(dead_time: float, kept: bool) -> None:
-    delay = FoundEffect("dead_time", (), 0.9, 0.0, {"time": Value(dead_time, 0.0, 1.0, "s")})
+@pytest.mark.parametrize(("name", "value"), [("dead_time", "time"), ("current_loop", "lag")])
+@pytest.mark.parametrize(("size", "kept"), [(3e-4, False), (5e-4, True)])
+def test_a_short_mean_delay_belongs_to_the_jitter(name: str, value: str, size: float, kept: bool) -> None:
+    delay = FoundEffect(name, (), 0.9, 0.0, {value: Value(size, 0.0, 1.0, "s")})
     jitter = FoundEffect("jitter", (), 0.98, 0.0, {})
     effects = verdict.with_signatures([delay], [DriveSignature(jitter, "drive.jitter", 1e-4)])
     assert effects == ([delay, jitter] if kept else [jitter])
