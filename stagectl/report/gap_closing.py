@@ -47,9 +47,9 @@ def notes(result: Result) -> list[str]:
 
 def _round(number: int, done: Result) -> str:
     """What was found in one round, and where."""
-    place = f" It was here: {done['where']}." if done["found"] else " No effect was added: the fitted values of the model were applied."
+    where = f"It was here: {done['where']}." if done["found"] else "Applied are the fitted values, without an effect."
     closes = f"On its held-out runs {percent(done['foretold'])} of the squared gap closes."
-    return f"Round {number}: {done['diagnosis']}.{place} {closes}"
+    return f"Round {number}: {done['diagnosis']}. {where} {closes}"
 
 
 def _shrunk(where: str, levels: dict[str, float], result: Result) -> str:

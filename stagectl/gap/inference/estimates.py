@@ -11,7 +11,8 @@ from stagectl.gap.inference import cable_centre
 from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, least_squares
-from stagectl.gap.selection import baseline_fit
+from stagectl.gap.selection import bristle_members
+from stagectl.gap.selection.priors import WEIGHT
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -83,5 +84,5 @@ def _friction_unit(session: Session, now: Fitted) -> float:
 def _functional(name: str, columns: Sequence[str]) -> Array:
     """(k,) What gives the parameter `name` from the amplitudes of `columns`: one of them, or the sum of all weights."""
     if name == "coulomb":
-        return np.array([column.startswith("weight_") or baseline_fit.is_member(column) for column in columns], float)
+        return np.array([column.startswith(WEIGHT) or bristle_members.is_member(column) for column in columns], float)
     return np.array([column == name for column in columns], float)

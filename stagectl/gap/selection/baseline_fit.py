@@ -15,12 +15,13 @@ import numpy as np
 
 from stagectl.gap.effects.stage_changes import delayed
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
+from stagectl.gap.residuals import friction_family, gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds
+from stagectl.gap.selection.bristle_members import Data, Family, is_member, members, with_best
 from stagectl.gap.selection.priors import Prior
 from stagectl.kernels import friction_bristle, stage
 from stagectl.parallel import in_parallel
@@ -44,11 +45,6 @@ class BaselineFit(NamedTuple):
 def weight_name(k: int) -> str:
     """Name of the direction of one stop operator's weight."""
     return f"weight_{k}"
-
-
-def is_member(name: str) -> bool:
-    """Whether a direction is a bristle of the family, of which the model has one at most."""
-    return name.startswith("bristle_") and name not in ("bristle_size", "bristle_length")
 
 
 def parameter_names(moving: Iterable[Direction]) -> list[str]:
@@ -124,19 +120,6 @@ def _bristle(name: str, size: float, length: float, change: float) -> Direction:
     )
 
 
-def members(nominal: stage.Stage) -> list[Direction]:
-    """Bristles that may join the stop operators; none where the nominal law is a bristle itself."""
-    if nominal.friction.bristle.coulomb > 0.0:
-        return []
-    size = thresholds.MEMBER_CHANGE * friction_family.size(nominal)
-    return [_member(f"bristle_{k}", p, size) for k, p in enumerate(friction_family.bristles(nominal))]
-
-
-def _member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
-    bristle = p._replace(coulomb=size, stiffness=p.stiffness * size / p.coulomb)
-    return Direction(name, lambda m: _with_friction(m, bristle=bristle), size)
-
-
 def noise_of(model: TrackedModel, runs: Sequence[Run], dt: float) -> Whitener:
     """The whitening filter, from the differences between the repeats of each run.
 
@@ -187,20 +170,20 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     before = residuals_of(nominal, runs, noise)
     moving = directions(session, model, is_measured(runs))
     free = [direction for direction in moving if direction.name not in frozen]
-    bristles = members(nominal.stage)
+    bristles, own = members(nominal.stage), parameter_names(free)
     known = gram_matrices.products(runs, all_columns(model, runs, [*free, *bristles], noise), START)
     at_nominal = gram_matrices.fold_sums(known, before)
-    prior = priors.believed(at_nominal, parameter_names(free), priors.prior_of(model, runs, session.dt))
-    residuals, chosen = before, None
+    prior = priors.believed(at_nominal, own, priors.prior_of(model, runs, session.dt))
+    residuals, family = before, Family(known, tuple(bristles))
     for _ in range(thresholds.BASELINE_STEPS):
-        g = gram_matrices.fold_sums(known, residuals)
-        chosen = chosen or _best_member(g, parameter_names(free), bristles)
-        names = [*parameter_names(free), *([] if chosen is None else [chosen.name])]
-        after = _stepped(prior, runs, model, (g, residuals, noise), (names, chosen))
+        if family.chosen is None:
+            family = with_best(family, model, Data(runs, noise, residuals), own, prior)
+        g, names = gram_matrices.fold_sums(family.products, residuals), [*own, *family.names]
+        after = _stepped(prior, runs, model, (g, residuals, noise), (names, family.chosen))
         if after is None:
             break
         model, residuals = after
-    return BaselineFit(model, noise, (*free, *bristles), known, before, residuals, prior)
+    return BaselineFit(model, noise, (*free, *family.bristles), family.products, before, residuals, prior)
 
 
 _Data = tuple[gram_matrices.Grams, list[list[Array]], Whitener]
@@ -240,17 +223,6 @@ def sum_of_squares(runs: Sequence[Run], residuals: list[list[Array]]) -> float:
                 for residual in repeats
             )
         )
-
-
-def _best_member(g: gram_matrices.Grams, names: Sequence[str], bristles: Sequence[Direction]) -> Direction | None:
-    """The bristle that explains most next to the parameters `names`; None where none explains enough."""
-    summed, closable = g.both.sum(axis=0), float(g.both[:, -1, -1].sum() - g.floor.sum())
-    own = g.places(names)
-    without = least_squares.fit(summed, own).residual_sum_of_squares
-    fits = [(least_squares.fit(summed, [*own, *g.places([bristle.name])]), bristle) for bristle in bristles]
-    possible = [(fit.residual_sum_of_squares, bristle) for fit, bristle in fits if fit.amplitude[-1] > 0.0]
-    left, best = min(possible, key=lambda pair: pair[0], default=(without, None))
-    return best if without - left > thresholds.BRISTLE_GAIN * closable else None
 
 
 def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | None, dt: float) -> TrackedModel:

@@ -12,7 +12,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection import baseline_fit, priors, thresholds
+from stagectl.gap.selection import baseline_fit, bristle_members, priors, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
 from stagectl.gap.selection.candidates import EffectValues, direction, equipped, on_the_clock
 
@@ -109,7 +109,7 @@ def _base_products(e: Evidence, now: Fitted) -> gram_matrices.Products:
     def with_effects(p: Direction) -> Direction:
         return p._replace(change=lambda _: equipped(p.change(now.model), now.effects))
 
-    moving = [with_effects(p) for p in e.base.directions if not baseline_fit.is_member(p.name)]
+    moving = [with_effects(p) for p in e.base.directions if not bristle_members.is_member(p.name)]
     columns = sensitivities.all_columns(now.equipped, e.runs, moving, e.base.noise)
     return gram_matrices.products(e.runs, columns, baseline_fit.START)
 
