@@ -9,12 +9,15 @@ import pytest
 
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.gap.controller_check.command_check import check_command
+from stagectl.gap.logs import load_session
 from stagectl.kernels import stage
 from stagectl.kernels.friction_bristle import Bristle
 from stagectl.problem import ProblemKind
 from stagectl.recording import nominal_yaml
 from stagectl.trajectories import Sine
 from tests.conftest import CONFIG, Run
+from tests.gap.captured import SINE, exported, recorded
 from tests.problems import refused
 
 LUGRE = """
@@ -31,6 +34,12 @@ DAHL = """
   coulomb: 1.0 N m
   range: 5 um
   exponent: 1.5
+"""
+BESIDE = """
+  law: stop-operators
+  weight: [0.2 N m, 0.3 N m]
+  slip: [1 um, 6 um]
+  bristle: {coulomb: 0.5 N m, range: 3 um, exponent: 1.5}
 """
 
 
@@ -88,3 +97,14 @@ def test_what_a_bristle_cannot_have_is_refused(tmp_path: Path) -> None:
 
 def test_stop_operators_leave_the_bristle_neutral() -> None:
     assert load_stage(CONFIG / "ball-screw.yaml").stage.friction.bristle == Bristle()
+
+
+def test_a_bristle_beside_stop_operators_tracks_and_comes_back_from_a_log(tmp_path: Path) -> None:
+    """The plant has both, the compensation answers both, and a diagnosis recomputes the command with both."""
+    path = with_friction(tmp_path, BESIDE)
+    setup, sine = load_stage(path), Sine(0.005, 1.6, 2.0, 0.5)
+    assert setup.stage.friction.bristle.coulomb == 0.5 and sum(setup.stage.friction.operators.weight) == 0.5
+    assert Run(setup, sine).peak() < Run(setup, sine, frozenset({"friction"})).peak() / 25.0
+    session = load_session.load([exported(recorded(tmp_path / "runs", SINE, stage=path), tmp_path / "captures")])
+    assert session.stage.friction.bristle == setup.stage.friction.bristle
+    assert check_command(session).agrees
