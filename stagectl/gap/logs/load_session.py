@@ -18,6 +18,7 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.logs import deployed_controller, nominal_model, row_validity
+from stagectl.gap.logs.current_order import order_notes
 from stagectl.gap.logs.grid import GriddedLog, on_control_periods
 from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
 from stagectl.gap.logs.repeats import Repeat, reconciled
@@ -173,7 +174,7 @@ def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: fl
         setpoints=known,
         exact=grid.exact,
     )
-    return finished, [*grid.notes, *notes]
+    return finished, [*grid.notes, *notes, *order_notes(columns, dt)]
 
 
 def _setpoints(repeat: Repeat, machine: NominalSetup, dt: float) -> Array | None:

@@ -35,6 +35,10 @@ PLATEAU_CURRENT = 0.95  # of the largest current: at its limit, but for noise
 PLATEAU_COMMAND = 1.05  # of the largest current: a command beyond it
 KNOWN_LIMIT = 0.99  # of the drive's limit: a plateau there is the known limit
 
+# -- measured current and command --------------------------------------------------------------------------------------
+MOST_LEAD = 5  # control periods by which one of the two is tried earlier and later
+CURRENT_LEADS = 0.5  # of the mean square between the two as logged: what is left of it where the current comes first
+
 # -- nominal model -----------------------------------------------------------------------------------------------------
 NOTED_SUM = 0.02  # share by which `coulomb` may miss the sum of the weights before a note reports it
 WRONG_SUM = 0.5  # the same, before one of the two must be wrong
