@@ -10,8 +10,8 @@
 The records are of the machine, whatever its model is: they are made once, with the controller of the first one.
 
 A round is kept where the rms tracking error on the unseen motions shrinks, on the machine, by more than its repeats
-vary, and neither rms nor peak grows on any of them by more than a tenth.  Each motion counts alike, by the ratio of its
-errors.
+vary, and neither the rms error of any of them nor the largest error of all grows by more than a tenth.  Each motion
+counts alike, by the ratio of its errors.
 
 At the end each effect is left out of the feedforward in turn: that gives its share, see `closing_shares`.  An effect
 without which the error is smaller is dropped from the feedforward (`control.unanswered`); the model keeps it.

@@ -10,6 +10,7 @@ from stagectl_studies.foreign.trial import BARE, FORMS, LEARNED, MOTIONS, Tracke
 
 from stagectl.config.stage_file import load_stage
 from stagectl.plan import plan
+from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
 from tests.conftest import CONFIG
 
@@ -47,8 +48,20 @@ def test_the_table_shows_median_and_worst(tracked: Tracked) -> None:
 def test_a_run_is_that_of_its_seed(law: str) -> None:
     """The machine is drawn by law and seed; stagectl's gains hold it, and noise alone differs between runs."""
     setup = load_stage(CONFIG / "ball-screw.yaml")
-    laid_out = plan(setup, Sine(0.001, 8.0, 1.0, 0.5), setup.controller.feedforward)
+    laid_out = plan(setup, Sine(0.001, 5.0, 1.0, 0.5), setup.controller.feedforward)
     axis = Axis(machine(law, 2), 2)
     first, again, other = (axis.run(setup, laid_out, number) for number in (0, 0, 1))
     assert first.tobytes() == again.tobytes() != other.tobytes()
     assert abs(first["error"]).max() < 1e-2
+
+
+def test_beyond_the_current_limit_the_machines_controller_does_as_ours() -> None:
+    """What leaves it is limited, and its integrator waits: with the same plant both come back to the same rest."""
+    setup = load_stage(CONFIG / "ball-screw.yaml")
+    hard = plan(setup, Sine(0.001, 8.0, 1.0, 0.5), setup.controller.feedforward)
+    limit = setup.controller.law.current_limit
+    foreign, ours = Axis(machine("Maxwell", 2), 2).run(setup, hard, 0), simulate(setup, hard, setup.controller.law)
+    for rows in (foreign, ours):
+        assert abs(rows["command"]).max() > limit == abs(rows["current"]).max()
+        assert abs(rows["error"][-100:]).max() < 1e-3
+    assert abs(foreign["error"]).max() == pytest.approx(abs(ours["error"]).max(), rel=0.3)

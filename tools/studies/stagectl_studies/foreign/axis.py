@@ -46,7 +46,8 @@ class Axis(NamedTuple):
         samples["time"] = setup.dt * np.arange(len(r))
         samples["measured"], samples["true_position"] = trace.position, trace.true_position
         samples["error"] = column["target"] - trace.position
-        samples["command"] = samples["current"] = trace.command
+        limit = setup.controller.law.current_limit
+        samples["command"], samples["current"] = trace.command, np.clip(trace.command, -limit, limit)
         samples["measured_current"] = trace.current
         return samples
 
@@ -58,4 +59,5 @@ def loop_of(setup: Setup) -> Loop:
         raise TypeError("the exam's machine has a PID loop only")
     law = setup.controller.law
     rest = Rest(law.standstill_band, *law.unloading)
-    return Loop(setup.dt, 0.0, gains.proportional, gains.integral, gains.derivative, gains.pole, rest=rest)
+    pid = (gains.proportional, gains.integral, gains.derivative, gains.pole)
+    return Loop(setup.dt, 0.0, *pid, rest=rest, limit=law.current_limit)

@@ -40,6 +40,7 @@ class Loop(NamedTuple):
     advance: float = 0.000659
     friction_advance: float = 0.000909
     rest: Rest = Rest()
+    limit: float = 1e9  # A; the integrator waits where more is asked for
 
 
 class Rows(NamedTuple):
@@ -147,3 +148,10 @@ def pid(loop: Loop, error: float, state: tuple[float, float, float]) -> tuple[fl
     at = loop.pole * ts
     derivative = (2.0 - at) / (2.0 + at) * derivative + 2.0 * loop.kd * loop.pole / (2.0 + at) * (error - before)
     return loop.kp * error + integrator + derivative, (integrator, derivative, error)
+
+
+@compiled
+def saturated(loop: Loop, command: float, error: float, integrator: float, before: float) -> tuple[float, float]:
+    """The command (A) that leaves the controller, and its integrator: as `before`, where the error asks for more."""
+    given = min(max(command, -loop.limit), loop.limit)
+    return given, before if given != command and error * command > 0.0 else integrator

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl_studies.machine.contact import LOAD, MEMORY, contact
-from stagectl_studies.machine.controller import Loop, Rows, pid
+from stagectl_studies.machine.controller import Loop, Rows, saturated, pid
 from stagectl_studies.machine.drive import LoopState, current_step, limited, measured, reported, taken
 from stagectl_studies.machine.jit import compiled
 from stagectl_studies.machine.machine import MAXWELL, Floats, Machine, Motion
@@ -41,7 +41,7 @@ class Trace(NamedTuple):
     """A run: rows, all (n,), and the motion at each step where it was asked for: x, v, acceleration, current."""
 
     position: Floats  # rad, as measured
-    command: Floats  # A, as computed
+    command: Floats  # A, as computed, before the controller's limit
     current: Floats  # A, as reported
     true_position: Floats  # rad
     true_speed: Floats  # rad/s
@@ -97,10 +97,13 @@ def run_loop(p: Machine, loop: Loop, rows: Rows, noise: Noise, work: Work, into:
         error = rows.target[k] - out.position[k]
         change = given_up(loop.rest, held, rows.speed[k]) if rows.friction[k] != 0.0 else 0.0
         seen = left_alone(loop.rest, error, rows.speed[k])
-        feedback, state = pid(loop, seen, (state[0] + change, state[1], state[2]))
+        before = state[0] + change
+        feedback, state = pid(loop, seen, (before, state[1], state[2]))
         held = remembered(loop.rest, held, rows.speed[k], change, loop.kp * seen + state[0])
         out.command[k] = feedback + rows.feedforward[k] + rows.injection[k]
-        work.sent[k] = taken(p.drive, out.command[k], noise.current[k])
+        given, integrator = saturated(loop, out.command[k], seen, state[0], before)
+        state = (integrator, state[1], state[2])
+        work.sent[k] = taken(p.drive, given, noise.current[k])
         if not abs(error) < LARGEST_ERROR:
             return True
         for s in range(m):
