@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl_studies.machine.contact import LOAD, MEMORY, contact
-from stagectl_studies.machine.controller import Loop, Rows, saturated, pid
+from stagectl_studies.machine.controller import Loop, Rows, pid, saturated
 from stagectl_studies.machine.drive import LoopState, current_step, limited, measured, reported, taken
 from stagectl_studies.machine.jit import compiled
 from stagectl_studies.machine.machine import MAXWELL, Floats, Machine, Motion
