@@ -19,8 +19,8 @@ INCLUSION = 1.0 / 39.0
 SCALES = (0.5, 1.0, 3.0)
 # Of the typical size: a trace that every machine has of everything, and the error of form of what is explained.
 # Origin: 12 development machines.  Sum of squares a machine, and wrong names, of the linear evidence alone: 1.06 and 9
-# at 0, 0.70 and 4 at 0.05, 0.59 and 2 at 0.1, 0.56 and 2 at 0.2.  On 16 unseen ones the whole diagnosis finds one effect
-# more at 0.1, and names three that are not there.
+# at 0, 0.70 and 4 at 0.05, 0.59 and 2 at 0.1, 0.56 and 2 at 0.2.  On 16 unseen ones the whole diagnosis finds one
+# effect more at 0.1, and names three that are not there.
 IMMATERIAL = 0.15
 BENT = 0.25  # of the size at which a column was taken that bends with it; chosen.  How far the column is believed.
 SHAPE = 0.5  # of its value: standard deviation of a refined shape; chosen.  Decides intervals, no name.
