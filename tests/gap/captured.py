@@ -11,6 +11,7 @@ import pyarrow.csv
 import yaml
 from numpy.typing import NDArray
 
+from stagectl.api.record import MotionRecord
 from stagectl.config.stage_file import load_stage
 from stagectl.recording.exports import export, write_columns
 from stagectl.recording.hdf5 import open_recording
@@ -20,6 +21,7 @@ from stagectl.workflows.simulated_motion import pretend
 CONFIG = Path(__file__).parents[2] / "config"
 SINE = "type: sine\namplitude: 5 mm\nfrequency: 1.6 Hz\nperiods: 1\nramp: 0.5\n"
 TRAPEZOID = "type: trapezoid\ndistance: 10 mm\nvelocity: 50 mm/s\nacceleration: 1 m/s^2\n"
+LOGGED = {"time": "s", "reference": "rad", "command": "A", "measured": "rad", "measured_current": "A"}
 
 Columns = dict[str, NDArray[np.float64]]
 
@@ -43,6 +45,13 @@ def exported(paths: list[Path], folder: Path, setpoints: bool = True) -> Path:
     if not setpoints:
         edit(folder / "captures.yaml", lambda values: [capture.pop("setpoints") for capture in values["captures"]])
     return folder
+
+
+def as_csv(ran: MotionRecord, path: Path) -> Path:
+    """A simulated motion as a log of another hand: five columns by name and unit."""
+    header, rows = ",".join(f"{name}_{unit}" for name, unit in LOGGED.items()), [ran[name] for name in LOGGED]
+    np.savetxt(path, np.column_stack(rows), delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
 
 
 def edit(path: Path, change: Callable[[dict[str, Any]], Any]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import stagectl as sc
@@ -12,9 +11,8 @@ from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.selection import refine, thresholds
 from stagectl.gap.selection.refine import Evidence
-from tests.gap.captured import CONFIG
+from tests.gap.captured import CONFIG, as_csv
 
-KEPT = {"time": "s", "reference": "rad", "command": "A", "measured": "rad", "measured_current": "A"}
 MOTIONS = ("sine-2um", "sine-0.8hz")  # within the rolling zone, and far beyond it
 
 
@@ -22,13 +20,9 @@ def fitted(law: dict[str, object], folder: Path) -> Evidence:
     """The baseline fit of the ball screw to one whose friction follows this `law`."""
     stage = sc.load_stage(CONFIG / "ball-screw.yaml")
     machine = stage.changed({"friction": law, "simulation.current_noise": 20e-3})
-    header = ",".join(f"{name}_{unit}" for name, unit in KEPT.items())
-    for name in MOTIONS:
-        ran = sc.simulate(stage, CONFIG / "trajectories" / f"{name}.yaml", plant=machine)
-        rows = np.column_stack([ran[column] for column in KEPT])
-        np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=header, comments="", fmt="%.9g")
-    session = load_session.load([folder / f"{name}.csv" for name in MOTIONS], stage.setup)
-    return diagnose.baseline(session, ())
+    paths = [CONFIG / "trajectories" / f"{name}.yaml" for name in MOTIONS]
+    logs = [as_csv(sc.simulate(stage, path, plant=machine), folder / f"{path.stem}.csv") for path in paths]
+    return diagnose.baseline(load_session.load(logs, stage.setup), ())
 
 
 @pytest.mark.parametrize(("length", "exponent"), [(9e-4, 1.0), (6e-4, 1.6)])

@@ -118,7 +118,7 @@ def test_a_peak_that_grows_in_every_repeat_is_not_kept() -> None:
     peaks["values"] = [9e-6, 5e-6]  # one by chance: the other one is smaller than before
     assert closing_errors.refusal(errors) == ""
     peaks["values"] = [9e-6, 9e-6]
-    assert "1.4 times" in closing_errors.refusal(errors)
+    assert "largest error of all motions was 1.4 times" in closing_errors.refusal(errors)
     larger = variants([3e-6, 3.1e-6], [2e-6, 2.1e-6])  # another motion that errs more, before and after
     assert closing_errors.refusal({**errors, "strokes": larger}) == ""
 

@@ -86,8 +86,7 @@ def _fixed(e: Evidence) -> Evidence:
 
 
 def _with_nominal_bias(e: Evidence, now: Fitted) -> Fitted:
-    back = {baseline_fit.weight_name(k): 0.0 for k in range(len(now.model.stage.friction.operators.weight))}
-    moved = baseline_fit.moved(now.model, {**back, BIAS: -e.base.prior.moved(now.model, BIAS)}, None, e.base.prior.dt)
+    moved = baseline_fit.moved(now.model, {BIAS: -e.base.prior.moved(now.model, BIAS)}, None, e.base.prior.dt)
     return Fitted(moved, now.effects, refine.residuals(e, moved, now.effects), np.nan)
 
 

@@ -106,8 +106,7 @@ def undone(session: Session, now: Fitted, name: str) -> TrackedModel:
         return whole._replace(stage=whole.stage._replace(friction=session.stage.friction))
     if name == "force_constant":
         return whole._replace(stage=session.stage)
-    still = {baseline_fit.weight_name(k): 0.0 for k in range(len(whole.stage.friction.operators.weight))}
-    return baseline_fit.moved(whole, {**still, **_moves(session, now)[name]}, None, session.dt)
+    return baseline_fit.moved(whole, _moves(session, now)[name], None, session.dt)
 
 
 def _materials(

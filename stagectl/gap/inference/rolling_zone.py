@@ -59,8 +59,7 @@ def _of_elements(now: Fitted, known: Errors) -> float:
     places = [k for k, name in enumerate(known.names) if name.startswith(WEIGHT) or name == "bristle_length"]
     matrix = known.matrix[np.ix_(places, places)]
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    still = {baseline_fit.weight_name(k): 0.0 for k in range(len(now.model.stage.friction.operators.weight))}
-    moves = [{**still, known.names[place]: float(by)} for place, by in zip(places, size, strict=True)]
+    moves = [{known.names[place]: float(by)} for place, by in zip(places, size, strict=True)]
     moved = [_mean(baseline_fit.moved(now.model, move, None, 1.0).stage.friction) for move in moves]
     step = (np.array(moved) - _mean(now.model.stage.friction)) / size
     return math.sqrt(max(float(step @ matrix @ step), 0.0))

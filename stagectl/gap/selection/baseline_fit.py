@@ -237,7 +237,7 @@ def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | No
         bias=p.mechanics.bias + move.get("bias", 0.0),
     )
     operators = p.friction.operators
-    weights = np.array([max(weight + move[weight_name(k)], 0.0) for k, weight in enumerate(operators.weight)])
+    weights = np.array([max(weight + move.get(weight_name(k), 0.0), 0.0) for k, weight in enumerate(operators.weight)])
     length = max(1.0 + move.get("bristle_length", 0.0), thresholds.SHORTEST_BRISTLE)
     bristle = friction_bristle.scaled(p.friction.bristle, 1.0 + move.get("bristle_size", 0.0), length)
     if member is not None:

@@ -95,7 +95,9 @@ def _in_best_shape(
 
     def of(shape: Array) -> Direction:
         length, exponent = (math.exp(x) for x in shape)
-        bent = p._replace(stiffness=p.stiffness / length, exponent=min(max(p.exponent * exponent, 0.2), 4.0))
+        bent = p._replace(
+            stiffness=p.stiffness / length, exponent=float(np.clip(p.exponent * exponent, *thresholds.EXPONENTS))
+        )
         return _member(coarse.name, bent, p.coulomb)
 
     def joined(direction: Direction) -> gram_matrices.Products:

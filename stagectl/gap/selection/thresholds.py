@@ -19,6 +19,7 @@ WEIGHT_CHANGE = 0.02  # of the Coulomb friction, for one stop operator
 SHIFT_CHANGE = 0.2  # of the control period
 BRISTLE_CHANGE, LENGTH_CHANGE = 0.1, 0.2  # of the size and the length of the nominal bristle
 SHAPE_STEP, SHAPES_TRIED = 0.4, 12  # logarithm of range and exponent; shapes of a bristle that joins
+EXPONENTS = (0.2, 4.0)  # of a bristle: those that a stage file takes
 MEMBER_CHANGE = 0.1  # of the Coulomb friction, for a bristle next to the stop operators
 START_LOAD = 0.5  # of the friction's limit, with which the runs begin
 NATURAL_DAMPING = 1e-3  # share of inertia over control period: unit of viscous friction where the model has none

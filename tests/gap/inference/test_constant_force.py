@@ -4,25 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options, draw
 
 import stagectl as sc
 from stagectl.gap.result.diagnosis import FoundEffect
-from tests.gap.captured import CONFIG
-
-KEPT = {"time": "s", "reference": "rad", "command": "A", "measured": "rad", "measured_current": "A"}
+from tests.gap.captured import CONFIG, as_csv
 
 
 def of_sine(change: dict[str, float], folder: Path) -> FoundEffect:
     """The one effect that is named in a log of the ball screw with a `change`: one sine, at one speed."""
     stage = sc.load_stage(CONFIG / "ball-screw.yaml")
     ran = sc.simulate(stage, CONFIG / "trajectories" / "sine-0.8hz.yaml", plant=stage.changed(change))
-    header, rows = ",".join(f"{name}_{unit}" for name, unit in KEPT.items()), np.column_stack([ran[n] for n in KEPT])
-    np.savetxt(folder / "sine.csv", rows, delimiter=",", header=header, comments="", fmt="%.9g")
-    (named,) = sc.diagnose(folder / "sine.csv", stage=stage, advice=False).named
+    (named,) = sc.diagnose(as_csv(ran, folder / "sine.csv"), stage=stage, advice=False).named
     return named
 
 
