@@ -123,12 +123,11 @@ class DesignedStage(PrintedResult):
         """
         axis = self.setup.file.axis
         lengths = Lengths(axis.kind, axis.lead)
-        values = in_si(self.text, values, lengths)
         patch = patched(self.text, values, lengths)
         if not patch.changes:
             return self
         setup = stage_file.load_stage(self.path, text=patch.text)
-        check_values(setup.file, values)
+        check_values(setup.file, in_si(patch.text, values, lengths))
         return DesignedStage(setup, (*self.changes, *patch.changes))
 
     @checked

@@ -79,10 +79,12 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
 
 
 def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
-    """The text of a stage file with SI values set by dotted name, and what has changed.
+    """The text of a stage file with values set by dotted name, and what has changed.
 
-    A mapping replaces a block: entries that it does not name are removed, those that are `KEPT` stay as they are.
-    Raises ConfigError where there is no such entry.
+    A value is in SI, or a text with its unit.  They are set one after the other: a block that is replaced decides which
+    entries there are for those that follow.  A mapping replaces a block: entries that it does not name are removed,
+    those that are `KEPT` stay as they are.
+    Raises ConfigError where there is no such entry, or the unit does not fit.
     """
     result = Patched(text)
     for name, value in values.items():
@@ -90,7 +92,7 @@ def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
         if isinstance(value, Mapping):
             result = _with_block(result, name, value, lengths)
         else:
-            result = _with_value(result, Entry(name, value, hint, lengths))
+            result = _with_value(result, Entry(name, _in_si(name, value, hint, lengths), hint, lengths))
     return result
 
 
@@ -99,21 +101,22 @@ def in_si(text: str, values: Mapping[str, Any], lengths: Lengths) -> dict[str, A
 
     Raises ConfigError where there is no such entry, or the unit does not fit.
     """
-    root, numbers = yaml_edit.root_of(text), dict(values)
-    for name, value in values.items():
-        hint = hint_at(StageFile, name, root)
-        number = plain(without_none(hint)) is float
-        if number and not isinstance(value, str | Real):
-            unit = lengths.unit_of(quantity_of(hint))
-            reason = "must be a single value: a number in SI, or text with its unit"
-            raise ConfigError(Problem(reason, ProblemKind.SHAPE, name, repr(value), unit))
-        if isinstance(value, str) and number:
-            unit = lengths.unit_of(quantity_of(hint))
-            try:
-                numbers[name] = lengths.number(value, unit)
-            except UnitError as error:
-                raise ConfigError(Problem(str(error), ProblemKind.UNIT, name, value, unit)) from error
-    return numbers
+    root = yaml_edit.root_of(text)
+    return {name: _in_si(name, value, hint_at(StageFile, name, root), lengths) for name, value in values.items()}
+
+
+def _in_si(name: str, value: Any, hint: Any, lengths: Lengths) -> Any:
+    """One value; as it is where the file has no number there."""
+    if plain(without_none(hint)) is not float or isinstance(value, Real):
+        return value
+    unit = lengths.unit_of(quantity_of(hint))
+    if not isinstance(value, str):
+        reason = "must be a single value: a number in SI, or text with its unit"
+        raise ConfigError(Problem(reason, ProblemKind.SHAPE, name, repr(value), unit))
+    try:
+        return lengths.number(value, unit)
+    except UnitError as error:
+        raise ConfigError(Problem(str(error), ProblemKind.UNIT, name, value, unit)) from error
 
 
 def _with_block(before: Patched, name: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:

@@ -69,6 +69,14 @@ def test_what_must_not_be_is_refused(stage: DesignedStage, folder: Path) -> None
     assert sc.load_stage("fast.yaml", judged=False).margins.phase < math.radians(20.0)
 
 
+def test_another_friction_law_and_an_entry_of_it_in_one_change(stage: DesignedStage) -> None:
+    """What a patch of the diagnosis gives: the block, then an entry that only the new law has."""
+    law = {"law": "stop-operators", "weight": [0.6, 0.3], "slip": [1e-4, 1e-3]}
+    changed = stage.changed({"friction": law, "friction.bristle.coulomb": 0.4, "friction.bristle.range": "0.01 rad"})
+    bristle = changed.setup.stage.friction.bristle
+    assert bristle.coulomb == pytest.approx(0.4) and bristle.stiffness == pytest.approx(40.0)
+
+
 @pytest.mark.parametrize(
     ("entry", "value", "words"),
     [

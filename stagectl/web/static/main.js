@@ -58,7 +58,7 @@ function choose(name) {
   strips.show(axis, about);
   scope.show(axis, about);
   orders.show(axis, about, Object.keys(machine).length > 1);
-  records.show(axis, may, about);
+  records.show(axis, about);
   health.show(about);
   if (may) tools.show(axis, about);
 }

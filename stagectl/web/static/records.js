@@ -23,11 +23,10 @@ export class Records {
     setInterval(() => this.axis && !document.hidden && this.list(), 5000);
   }
 
-  show(axis, may, about) {
+  show(axis, about) {
     this.axis = axis;
     this.machine = about.name;
-    this.shown = "";
-    this.may = may;
+    at("files").replaceChildren();
     this.list();
   }
 
@@ -47,15 +46,12 @@ export class Records {
   }
 
   async list() {
+    const turn = this.turn = (this.turn || 0) + 1;
     let files;
     try {
       files = await ask("GET", "/v1/recordings");
     } catch { return; }
-    const text = JSON.stringify(files);
-    if (text === this.shown) return;
-    this.shown = text;
-    at("files").replaceChildren(...files.slice(0, 40).map((one) => this.file(one)));
-    if (!files.length) at("files").append(item("", "none yet"));
+    if (turn === this.turn) update(at("files"), files.slice(0, 40), (one) => this.file(one), "none yet");
   }
 
   file(one) {
@@ -80,6 +76,20 @@ export class Records {
     }
     return entry;
   }
+}
+
+// Only entries that changed are replaced: a button that is being pressed stays where it is.
+function update(list, records, entryOf, none) {
+  const texts = records.length ? records.map((one) => JSON.stringify(one)) : [none];
+  texts.forEach((text, index) => {
+    const old = list.children[index];
+    if (old?.record === text) return;
+    const entry = records.length ? entryOf(records[index]) : item("", none);
+    entry.record = text;
+    if (old) old.replaceWith(entry);
+    else list.append(entry);
+  });
+  while (list.children.length > texts.length) list.lastChild.remove();
 }
 
 // A machine's name as a part of a file's name.

@@ -124,7 +124,7 @@ export class Strips {
       const say = legend(document.getElementById(`strip-${panel.id}-title`), panel.names, panel.labels, unit);
       if (!window.uPlot) { missing(place); continue; }
       place.innerHTML = "";
-      const last = panel.id === "current", high = matchMedia("(min-width: 901px)").matches ? 210 : 145;  // beside the orders there is room
+      const last = panel.id === "current", high = matchMedia("(min-width: 901px)").matches ? 265 : 145;  // beside the orders there is room
       const plot = new uPlot({
         width: place.clientWidth || 300, height: last ? high + 20 : high, pxAlign: 0, legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false }, y: { auto: false } },
