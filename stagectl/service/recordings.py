@@ -58,6 +58,7 @@ class Recordings:
     def __init__(self, state: Path) -> None:
         self._state = state
         self._running: dict[str, _Running] = {}
+        self._ending: set[Path] = set()  # asked to end, and not whole yet
         self._expiry = 0.0  # s, monotonic clock, of the next look at what is too old
 
     def begin(self, axis: AxisController, name: str, before: float, seconds: float) -> Path:
@@ -118,17 +119,11 @@ class Recordings:
         running = self._running.pop(name, None)
         if running is None:
             raise ServiceError(f"{name} is not being recorded")
-        _ask_to_end(running)
-        os.close(running.pipe)
-        code = running.child.wait(_END)
-        discard(running.path)
-        if code:
-            raise ServiceError(f"{running.path}: the recorder failed ({code}); see the service's messages")
-        if not running.path.exists():
-            raise ServiceError(
-                f"nothing was recorded: {name} gave no rows; see `stagectl status` and `stagectl fault list`"
-            )
-        return running.path
+        self._ending.add(running.path)
+        try:
+            return _finished(running)
+        finally:
+            self._ending.remove(running.path)
 
     def look(self) -> list[str]:
         """Tell those whose time is over, take leave of those that have ended; axes whose recording failed."""
@@ -167,7 +162,7 @@ class Recordings:
 
     def files(self) -> list[dict[str, Any]]:
         """All files there are, the newest first; one that is about to be written has no bytes."""
-        going = {running.path for running in list(self._running.values())}
+        going = {running.path for running in list(self._running.values())} | self._ending
         there = {path for kind in KINDS for path in (self._state / kind).glob("*/*.h5")}
         entries = [_listed(path, path in going) for path in there | going]
         return sorted((entry for entry in entries if entry), key=lambda entry: -float(entry["time"]))
@@ -200,6 +195,21 @@ def _ask_to_end(running: _Running) -> None:
     if not running.asked_to_end:
         with contextlib.suppress(BrokenPipeError):
             os.write(running.pipe, ENOUGH)
+
+
+def _finished(running: _Running) -> Path:
+    """The whole file of a recording that is to end.  Raises ServiceError where there is none."""
+    _ask_to_end(running)
+    os.close(running.pipe)
+    code = running.child.wait(_END)
+    discard(running.path)
+    if code:
+        raise ServiceError(f"{running.path}: the recorder failed ({code}); see the service's messages")
+    if not running.path.exists():
+        raise ServiceError(
+            f"nothing was recorded: {running.axis} gave no rows; see `stagectl status` and `stagectl fault list`"
+        )
+    return running.path
 
 
 class Kept(NamedTuple):

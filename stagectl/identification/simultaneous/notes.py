@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
+
+import numpy as np
 
 from stagectl.identification import thresholds
 from stagectl.identification.result import Note, Topic
@@ -27,18 +30,47 @@ def written(p: Estimate) -> tuple[Note, ...]:
 
 
 def withheld(p: Estimate) -> dict[str, Note]:
-    """Parameters that are not known well enough for a stage file, by their key there, with a note on the reason."""
+    """Parameters that are not known well enough for a stage file, by their key there, with a note on the reason.
+
+    Parameters that this motion ties to each other are written together or not at all: their errors cancel in the
+    force, while one of them beside the old value of the other would be wrong.  So each counts as known as well as it
+    is beside the true values of the others.
+    """
+    useless = {name for name, half in _halves_alone(p).items() if _is_useless(p, name, half)}
     kept_back: dict[str, Note] = {}
     for name, key in STAGE_KEYS.items():
-        value, low, half = p.parameters[name].value, p.parameters[name].low, p.parameters[name].half
-        if low > 0.0 and half <= thresholds.USELESS * abs(value):
+        companions = [
+            other for other in useless if other != name and abs(_correlation(p, name, other)) > thresholds.TIED
+        ]
+        if name in useless:
+            reason = f"its interval must lie above 0 and within ±{100.0 * thresholds.USELESS:.0f} %"
+        elif companions:
+            reason = f"it is tied to {' and '.join(sorted(companions))}, and is not written alone"
+        else:
             continue
-        text = (
-            f"{name}: {value:.3g} ± {half:.2g} is left out of the stage file's changes; its interval must lie above 0 "
-            f"and within ±{100.0 * thresholds.USELESS:.0f} %"
-        )
+        value, half = p.parameters[name].value, p.parameters[name].half
+        text = f"{name}: {value:.3g} ± {half:.2g} is left out of the stage file's changes; {reason}"
         kept_back[key] = Note(Topic.WITHHELD, text)
     return kept_back
+
+
+def _halves_alone(p: Estimate) -> dict[str, float]:
+    """Half of the interval of each parameter of the stage file if the others were known."""
+    own = [NAMES.index(name) for name in STAGE_KEYS]
+    precision = np.linalg.pinv(p.covariance[np.ix_(own, own)], hermitian=True)
+    halves = thresholds.NORMAL_95 / np.sqrt(np.diag(precision))
+    return dict(zip(STAGE_KEYS, halves.tolist(), strict=True))
+
+
+def _is_useless(p: Estimate, name: str, half: float) -> bool:
+    parameter = p.parameters[name]
+    return parameter.low <= 0.0 or half > thresholds.USELESS * abs(parameter.value)
+
+
+def _correlation(p: Estimate, name: str, other: str) -> float:
+    j, k = NAMES.index(name), NAMES.index(other)
+    size = math.sqrt(p.covariance[j, j] * p.covariance[k, k])
+    return float(p.covariance[j, k]) / size if size > 0.0 else 0.0
 
 
 def _prior(p: Estimate) -> Iterator[Note]:
@@ -133,23 +165,20 @@ def _delay(p: Estimate) -> Iterator[Note]:
 
 
 def _tied(p: Estimate) -> Iterator[Note]:
-    covariance = p.covariance
     names = NAMES if p.delay_fitted else NAMES[:-1]
-    for j, name in enumerate(names):
-        for k in range(j + 1, len(names)):
-            size = math.sqrt(covariance[j, j] * covariance[k, k])
-            correlation = float(covariance[j, k]) / size if size > 0.0 else 0.0
-            if abs(correlation) < thresholds.TIED:
-                continue
-            half = p.parameters[name].half
-            alone = half * math.sqrt(max(0.0, 1.0 - correlation * correlation))
-            advice = "; give --delay from a capture of a position sine" if names[k] == "delay" else ""
-            text = (
-                f"{name} and {names[k]}: tied to each other in this motion (correlation {correlation:+.2f}); with "
-                f"{names[k]} known, {name} would be known to ±{_percent(p, name, alone)} instead of "
-                f"±{_percent(p, name, half)}{advice}"
-            )
-            yield Note(Topic.TIED, text)
+    for name, other in itertools.combinations(names, 2):
+        correlation = _correlation(p, name, other)
+        if abs(correlation) < thresholds.TIED:
+            continue
+        half = p.parameters[name].half
+        alone = half * math.sqrt(max(0.0, 1.0 - correlation * correlation))
+        advice = "; give --delay from a capture of a position sine" if other == "delay" else ""
+        text = (
+            f"{name} and {other}: tied to each other in this motion (correlation {correlation:+.2f}); with "
+            f"{other} known, {name} would be known to ±{_percent(p, name, alone)} instead of "
+            f"±{_percent(p, name, half)}{advice}"
+        )
+        yield Note(Topic.TIED, text)
 
 
 def _imprecise(p: Estimate) -> Iterator[Note]:
