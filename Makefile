@@ -47,7 +47,7 @@ nightly: zoo
 setup: $(DEVELOPER)
 
 define install
-	@echo "setting up $(VENV) for '$(1)' (a minute, once)"
+	@echo "setting up $(VENV) for '$(1)' (two minutes, once)"
 	@if $(BIN)/python -m pip --version >/dev/null 2>&1; then $(BIN)/python -m pip $(PIP) -e '.[$(1)]' -e tools/studies; \
 	else $(PYTHON) -m pip --python $(BIN)/python $(PIP) -e '.[$(1)]' -e tools/studies; fi
 	@touch $@

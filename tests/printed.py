@@ -71,8 +71,9 @@ class Reader:
     def __init__(self, folder: Path, page: str = "") -> None:
         self.folder = folder
         shutil.copytree(CONFIG, folder / "config")
-        long = folder / "config" / "experiments" / "current-sine-1.6hz-5a.yaml"
-        long.write_text(long.read_text().replace("periods: 16", "periods: 4"))  # enough to identify a stage by
+        if not page.startswith("tutorial-"):  # their figures are those of the whole experiment
+            long = folder / "config" / "experiments" / "current-sine-1.6hz-5a.yaml"
+            long.write_text(long.read_text().replace("periods: 16", "periods: 4"))  # enough to identify a stage by
         (folder / ".venv").symlink_to(sys.prefix)
         for name, content in _NAMED.findall(text(page)) if page else ():
             (folder / name).write_text(content)

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from stagectl.evaluation import evaluate
 from stagectl.gap.result.result_json import save
+from stagectl.recording.hdf5 import open_recording
 from tests.cli.test_help import ROOT as ROOT_COMMAND
 from tests.cli.test_help import verbs
 from tests.conftest import ROOT
@@ -32,6 +34,25 @@ SLOW = ("stagectl gap diagnose session", "stagectl gap diagnose bench-session")
 # Whole papers, a minute and a half: `tests/studies` holds each part with fewer runs, `make nightly` types them.
 NIGHTLY = () if os.environ.get("STAGECTL_PRINTED") == "all" else ("stagectl reproduce",)
 WITHIN = re.compile(r"`((?:sudo )?(?:\.venv/bin/)?stagectl [a-z][^`]*)`")
+
+# Rows of the tutorials' tables, and the recording that each is about.
+FIGURES = {
+    "tutorial-simulate.md": {
+        "before, without friction compensation": "bare",
+        "after, with it": "compensated",
+    },
+    "tutorial-bench.md": {
+        "section 4: original, 40 Hz": "before",
+        "section 6: identified, 40 Hz": "after",
+        "section 7: identified, 10 Hz": "tuned",
+    },
+    "tutorial-log.md": {
+        "before, with the model as it was": "model-as-it-was",
+        "after, with `fitted.yaml`": "model-fitted",
+    },
+}
+UNITS = {"nm": 1e-9, "µm": 1e-6}
+NEAR = 0.15  # relative: a figure of two digits, on another machine
 
 
 @pytest.fixture
@@ -91,6 +112,24 @@ def test_every_command_runs_as_printed(reader: Reader, least: int, request: pyte
             save(found("effects"), folder)
     assert sum("stagectl" in line for line in lines) >= least
     reads(reader, [line for line in lines if not line.startswith(SLOW)], python(page))
+    for row, name in FIGURES.get(page, {}).items():
+        recording = open_recording(reader.folder / "recordings" / f"{name}.h5")
+        seen = evaluate(recording.samples, recording.meta)["tracking_error"]
+        assert printed_errors(page, row) == pytest.approx(
+            {kind: seen[kind] for kind in printed_errors(page, row)}, rel=NEAR
+        )
+
+
+def printed_errors(page: str, row: str) -> dict[str, float]:
+    """Peak and rms (m) in a row of a table, as its head calls the columns."""
+    lines = text(page).splitlines()
+    at = next(number for number, line in enumerate(lines) if line.startswith(f"| {row} |"))
+    head = next(lines[number - 1] for number in range(at, 0, -1) if lines[number].startswith("|---"))
+    cells = zip(head.split("|"), lines[at].split("|"), strict=True)
+    named = [
+        (kind, cell.split()) for title, cell in cells for kind in ("peak", "rms") if kind in re.split(r"\W+", title)
+    ]
+    return {kind: float(words[0]) * UNITS[words[1]] for kind, words in named if words[-1] in UNITS}
 
 
 @pytest.mark.parametrize("reader", ["index.md"], indirect=True)

@@ -145,9 +145,13 @@ def _show(result: Any) -> None:
 
 
 def _worded(name: str, value: float) -> str:
+    from stagectl.drives.canopen.presets import ENCODER_COUNTS
+
     if name.endswith("_object"):
         return f"0x{int(value) >> 8:04x}_{int(value) & 0xFF:02x}"
-    return f"{value:.7g} {'rad/s^2' if name == 'deceleration_scale' else 'A'}"
+    if name == "deceleration_scale":
+        return f"{value:.7g} rad/s^2" + ("  # its ramps count encoder steps" if value == ENCODER_COUNTS else "")
+    return f"{value:.7g} A"
 
 
 def _written(stage: Path, values: dict[str, float | int]) -> list[Any]:

@@ -44,7 +44,7 @@ def accept(
     without_compiler()
     require("report", "the signed page")
     from stagectl.config.stage_file import load_stage
-    from stagectl.workflows.acceptance.page import write_pages
+    from stagectl.workflows.acceptance.page import free_places, write_pages
     from stagectl.workflows.acceptance.protocol import Signatory, virtual
     from stagectl.workflows.acceptance.protocol import accept as perform
     from stagectl.workflows.acceptance.result import read_key, signed
@@ -54,6 +54,8 @@ def accept(
     if yes and not virtual(setup):
         raise StageError("--yes is for a virtual drive only: with a real one a person must let each step happen")
     secret = None if key is None else read_key(key)
+    path = output or Path(f"acceptance-{time.strftime('%Y%m%d-%H%M%S')}")
+    free_places(path)  # before the first step: what was tried must not be lost
     result = perform(
         setup,
         Signatory(person, lambda step, words: agreed(step.name, words, yes)),
@@ -61,7 +63,6 @@ def accept(
         amperes("current", current),
     )
     signature = signed(result, secret)
-    path = output or Path(f"acceptance-{time.strftime('%Y%m%d-%H%M%S')}")
     for file in write_pages(result, signature, path):
         console.print(f"wrote {file}")
     console.print("accepted" if result.accepted else "NOT ACCEPTED: do not run this axis")

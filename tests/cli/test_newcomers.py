@@ -162,6 +162,7 @@ MISTAKES = [
     ("drive verify half.json", "line 2, column 14", 2),
     ("drive verify list.json", "it has no content", 2),
     (f"drive accept {S} --yes --person Ann --key none.key", "none.key", 2),
+    (f"drive accept {S} --yes --person Ann -o picture", "picture.json", 2),  # before anything moves
     (f"gap diagnose good.csv --stage {S} --model none.xml", "none.xml", 2),
     (f"gap diagnose good.csv --stage {S} --model broken.xml", "broken.xml:3", 2),
     (f"gap diagnose good.csv --stage {S} --model foreign.xml", "there are: none; `stagectl export", 2),

@@ -160,8 +160,8 @@ def test_ambiguity_and_advice_in_words() -> None:
     (line,) = verdict_text.ambiguous(FOUND["effects"])
     assert line == "Cogging or encoder eccentricity: these data fit each of them; cogging has probability 0.61."
     assert verdict_text.advice(FOUND["effects"])[0] == (
-        "Next experiment: stairs both ways, 8 speeds. It separates cogging from encoder eccentricity by 11.3 sigma in "
-        "14 s of machine time."
+        "Next experiment: stairs both ways, 8 speeds. It separates cogging from encoder eccentricity by 11.3 sigma, "
+        "and takes 14 s of machine time."
     )
     assert verdict_text.spans(FOUND["effects"])[2] == "micro-sine-8um-1.csv: nowhere"
     assert verdict_text.closure(Gap(2.0, 1.0, 0.1, "m", 0.752, 0.71, 0.79)) == "75 % (71 to 79 %)"

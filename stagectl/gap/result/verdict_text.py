@@ -227,9 +227,9 @@ def advice(result: DiagnosisResult) -> list[str]:
         return []
     names = [label(name) for name in following.separates]
     more = f" (and {', '.join(names[2:])})" if names[2:] else ""
-    purpose = f"separates {' from '.join(names[:2])}{more}" if names else "shows what no run has shown"
+    purpose = f"separates {' from '.join(names[:2])}{more}" if names else "shows what these logs have not shown"
     size = f" by {following.separation_sigma:.3g} sigma" if following.separation_sigma > 0.0 else ""
-    line = f"Next experiment: {following.name}. It {purpose}{size} in {_machine_time(following.duration)}."
+    line = f"Next experiment: {following.name}. It {purpose}{size}, and takes {_machine_time(following.duration)}."
     return [line, following.words] if following.words else [line]
 
 

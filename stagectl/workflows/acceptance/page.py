@@ -12,8 +12,10 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from stagectl.number_format import length, prefix
+from stagectl.problem import Problem, ProblemKind
 from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded
 from stagectl.report.page import Page, Picture, Table, write
+from stagectl.units import StageError
 from stagectl.workflows.acceptance.result import Acceptance, Outcome, StepResult
 from stagectl.workflows.acceptance.traces import Trace
 
@@ -21,21 +23,31 @@ _HEAD = ["step", "what was tried", "result", "distance", "bound", "what was foun
 _SENTENCES = (1, 2, 5)  # columns
 _VIRTUAL = (
     "a virtual drive: this page says nothing about a machine. With simulation.clock: sync its axis stands still while"
-    " the bus is silent; then the distances of kill and silence are zero"
+    " the bus is silent; then the distances of kill and silence say how far it came until then, not how it brakes"
 )
+
+
+def free_places(path: Path) -> tuple[Path, Path]:
+    """Where `write_pages` puts JSON and HTML.  Raises StageError where something is there already."""
+    places = path.with_suffix(".json"), path.with_suffix(".html")
+    for place in places:
+        if place.exists():
+            remedy = "choose another name with -o, or move it away"
+            reason = f"{place} exists, and is never replaced"
+            raise StageError(Problem(reason, ProblemKind.CONFLICT, file=place, remedy=remedy))
+    return places
 
 
 def write_pages(result: Acceptance, signature: dict[str, Any], path: Path) -> tuple[Path, Path]:
     """Write JSON and HTML next to each other, `path` without its suffix; the two files.
 
-    The JSON is the signed one; the page shows its hash.  Raises OSError, too where one is there already.
+    The JSON is the signed one; the page shows its hash.  Raises OSError, and StageError where one is there already.
     """
-    machine, human = path.with_suffix(".json"), path.with_suffix(".html")
+    machine, human = free_places(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with machine.open("x", encoding="utf-8") as file:
         json.dump(signature, file, indent=2, ensure_ascii=False, allow_nan=False)
         file.write("\n")
-    human.open("x").close()  # nothing that is there is written over
     return machine, write(_page(result, signature, machine), human)
 
 
@@ -67,7 +79,7 @@ def _notes(result: Acceptance, signature: dict[str, Any]) -> list[str]:
     drive = _VIRTUAL if result.virtual else "a drive on the bench"
     code = signature["hmac_sha256"]
     return [
-        f"Each step was permitted by {result.person}, who signed on {result.date}. The drive is {drive}.",
+        f"{result.person} answers for each step and signed on {result.date}. The drive is {drive}.",
         f"Stage file {result.stage_file}, SHA-256 {result.stage_sha256}; EDS, SHA-256 {result.eds_sha256}.",
         f"SHA-256 of the content: {signature['sha256']}. "
         + (f"HMAC-SHA-256: {code}." if code else "No key was configured: there is no HMAC."),
