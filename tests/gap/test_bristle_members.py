@@ -8,21 +8,25 @@ import pytest
 
 import stagectl as sc
 from stagectl.gap import diagnose
+from stagectl.gap.effects.library import definitions
 from stagectl.gap.logs import load_session
+from stagectl.gap.logs.session import Session
 from stagectl.gap.selection import refine, thresholds
+from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Evidence
 from tests.gap.captured import CONFIG, as_csv
 
 MOTIONS = ("sine-2um", "sine-0.8hz")  # within the rolling zone, and far beyond it
 
 
-def fitted(law: dict[str, object], folder: Path) -> Evidence:
-    """The baseline fit of the ball screw to one whose friction follows this `law`."""
+def fitted(change: dict[str, object], folder: Path) -> tuple[Session, Evidence]:
+    """Logs of the ball screw with this `change`, and the baseline fit to them."""
     stage = sc.load_stage(CONFIG / "ball-screw.yaml")
-    machine = stage.changed({"friction": law, "simulation.current_noise": 20e-3})
+    machine = stage.changed({**change, "simulation.current_noise": 20e-3})
     paths = [CONFIG / "trajectories" / f"{name}.yaml" for name in MOTIONS]
     logs = [as_csv(sc.simulate(stage, path, plant=machine), folder / f"{path.stem}.csv") for path in paths]
-    return diagnose.baseline(load_session.load(logs, stage.setup), ())
+    session = load_session.load(logs, stage.setup)
+    return session, diagnose.baseline(session, ())
 
 
 @pytest.mark.parametrize(("length", "exponent"), [(9e-4, 1.0), (6e-4, 1.6)])
@@ -31,9 +35,9 @@ def test_a_law_of_one_bristle_is_fitted_by_its_shape(
 ) -> None:
     """Better than by the best of the grid; the stop operators, which could stand for a part of it, carry little."""
     law: dict[str, object] = {"law": "dahl", "coulomb": 1.0, "range": length, "exponent": exponent}
-    found = fitted(law, tmp_path)
+    _, found = fitted({"friction": law}, tmp_path)
     monkeypatch.setattr(thresholds, "SHAPES_TRIED", 1)
-    coarse = fitted(law, tmp_path)
+    _, coarse = fitted({"friction": law}, tmp_path)
     left, left_by_grid = (refine.total(e, e.base.after) for e in (found, coarse))
     carried, by_grid = (sum(e.base.model.stage.friction.operators.weight) for e in (found, coarse))
     assert left < 0.8 * left_by_grid and carried < 0.9 * by_grid
@@ -41,4 +45,16 @@ def test_a_law_of_one_bristle_is_fitted_by_its_shape(
 
 def test_stop_operators_take_no_bristle(tmp_path: Path) -> None:
     law: dict[str, object] = {"law": "stop-operators", "weight": [0.3, 0.4, 0.3], "slip": [2e-4, 1e-3, 4e-3]}
-    assert fitted(law, tmp_path).base.model.stage.friction.bristle.coulomb < 0.1
+    _, e = fitted({"friction": law}, tmp_path)
+    assert e.base.model.stage.friction.bristle.coulomb < 0.1
+
+
+def test_a_bristle_gives_back_what_belongs_to_an_effect(tmp_path: Path) -> None:
+    """Without the effect the baseline fit bends a bristle to it; beside the effect that bristle is not wanted."""
+    session, e = fitted({"mechanics.root": 0.25}, tmp_path)
+    taken = e.base.model.stage.friction.bristle.coulomb
+    effect = next(one for one in definitions(diagnose.scales_of(session, e)) if one.name == "viscous_nonlinear")
+    after = refine.refine(e, e.base.model, [EffectValues(effect, {"size": 0.1, "root": 1.0})], 20)
+    root = after.equipped.stage.mechanics.root
+    assert taken > 0.3 and after.model.stage.friction.bristle.coulomb < 0.2 * taken
+    assert root == pytest.approx(0.25, rel=0.05)

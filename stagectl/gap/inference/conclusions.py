@@ -100,7 +100,7 @@ def localise(
     """In which block of the loop, over which coordinate, and when in each log."""
     now = selected.fitted
     off = [shift for shift in conclusions.shifts if shift.probability >= NAMED]
-    acting = time_localisation.contributors(session, now, off, conclusions.signatures)
+    acting = time_localisation.contributors(session, e, now, off, conclusions.signatures)
     parts = attribution.parts_of(e, selected, conclusions.effects)
     measured = bool(np.isfinite(e.runs[0].mean.rows[:, 2]).all())
     return Localisation(

@@ -18,7 +18,7 @@ from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.cable_centre import BIAS
 from stagectl.gap.inference.parameter_errors import shift_odds
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.selection import baseline_fit, constants, linearised, refine, select
+from stagectl.gap.selection import constants, linearised, refine, select
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -86,7 +86,7 @@ def _fixed(e: Evidence) -> Evidence:
 
 
 def _with_nominal_bias(e: Evidence, now: Fitted) -> Fitted:
-    moved = baseline_fit.moved(now.model, {BIAS: -e.base.prior.moved(now.model, BIAS)}, None, e.base.prior.dt)
+    moved = refine.moved(e, now.model, {BIAS: -e.base.prior.moved(now.model, BIAS)})
     return Fitted(moved, now.effects, refine.residuals(e, moved, now.effects), np.nan)
 
 

@@ -72,7 +72,7 @@ def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], 
     `known` are the errors next to the model alone, and beside what is unnamed.  That the unnamed is a function of one
     coordinate is no more than a guess, so a shift is as probable as under the less favourable of the two.
     """
-    moves = {name: move for name, move in _moves(session, now).items() if set(move) <= set(refine.nuisances(e))}
+    moves = {name: move for name, move in _moves(session, e, now).items() if set(move) <= set(refine.nuisances(e))}
     material = _materials(known[0].grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * before)
     views = [estimates(session, e, now, errors) for errors in known]
     parts = {name: material.get(name, Material(0.0)) for name in views[0].estimates}
@@ -80,33 +80,39 @@ def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], 
         _shift(name, [view.given(name, part.given) for view in views], part.misfit / before, session.kind, part.alike)
         for name, part in parts.items()
     ]
-    return [*of_columns, *_presliding(session, now, known)]
+    return [*of_columns, *_presliding(session, e, now, known)]
 
 
-def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
-    """How each parameter would go back to its nominal value, as moves of the base's directions."""
+def _moves(session: Session, e: Evidence, now: Fitted) -> dict[str, dict[str, float]]:
+    """How each parameter would go back to its nominal value, as moves of the base's directions.
+
+    All that rubs goes back in proportion: stop operators and bristle.
+    """
     p, q = session.stage, now.model.stage
-    weights = q.friction.operators.weight
-    total = max(float(np.sum(weights)), 1e-300)
-    change = stage.sliding(q.friction) - stage.sliding(p.friction)
+    back = stage.sliding(p.friction) / max(stage.sliding(q.friction), 1e-300) - 1.0
+    rubs = {baseline_fit.weight_name(k): float(weight) for k, weight in enumerate(q.friction.operators.weight)}
+    if e.base.bristle is not None:
+        rubs[e.base.bristle.name] = q.friction.bristle.coulomb
+    elif q.friction.bristle.coulomb:
+        rubs["bristle_size"] = 1.0
     return {
         "inertia": {"inertia": p.mechanics.inertia - q.mechanics.inertia},
         "viscous": {"viscous": p.mechanics.viscous - q.mechanics.viscous},
         "bias": {"bias": p.mechanics.bias - q.mechanics.bias},
         "time_shift": {"time_shift": -now.model.shift},
         "dead_time": {"dead_time": whole_delay(p, session.dt) - whole_delay(q, session.dt)},
-        "coulomb": {baseline_fit.weight_name(k): -change * float(w) / total for k, w in enumerate(weights)},
+        "coulomb": {name: back * force for name, force in rubs.items()},
     }
 
 
-def undone(session: Session, now: Fitted, name: str) -> TrackedModel:
+def undone(session: Session, e: Evidence, now: Fitted, name: str) -> TrackedModel:
     """The fitted model with one parameter, named as a shift is, back at its nominal value."""
     whole = now.equipped
     if name == "presliding":
         return whole._replace(stage=whole.stage._replace(friction=session.stage.friction))
     if name == "force_constant":
         return whole._replace(stage=session.stage)
-    return baseline_fit.moved(whole, _moves(session, now)[name], None, session.dt)
+    return refine.moved(e, whole, _moves(session, e, now)[name])
 
 
 def _materials(
@@ -166,7 +172,7 @@ def shift_odds(name: str, nominal: float) -> float:
     return constants.INCLUSION if name in thresholds.MAY_BE_NONE and nominal == 0.0 else 1.0
 
 
-def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> Iterator[Shift]:
+def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors]) -> Iterator[Shift]:
     """The shift of the rolling zone's length; without friction there is no rolling zone.
 
     It has no column of its own, so it counts as material.
@@ -174,7 +180,7 @@ def _presliding(session: Session, now: Fitted, known: Sequence[Errors]) -> Itera
     nominal = session.stage.friction
     sizes = [stage.sliding(p) for p in (nominal, now.model.stage.friction)]
     if min(sizes) > thresholds.FRICTIONLESS * max(sizes):
-        views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors)]
+        views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
         yield _shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)
 
 

@@ -35,7 +35,7 @@ class Contributor(NamedTuple):
 
 
 def contributors(
-    session: Session, now: Fitted, named: Sequence[FoundEffect], signatures: Sequence[DriveSignature]
+    session: Session, e: Evidence, now: Fitted, named: Sequence[FoundEffect], signatures: Sequence[DriveSignature]
 ) -> list[Contributor]:
     """Everything in the diagnosis that acts at certain times: the effects, or else the parameters that are off."""
     effects = [*_effects(now), *_of_drive(now, signatures)]
@@ -44,7 +44,7 @@ def contributors(
     return [
         Contributor(
             now.equipped,
-            parameter_errors.undone(session, now, shift.name),
+            parameter_errors.undone(session, e, now, shift.name),
             "drive" if shift.name == "time_shift" else "mechanics",
         )
         for shift in named

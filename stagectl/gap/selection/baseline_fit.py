@@ -40,6 +40,7 @@ class BaselineFit(NamedTuple):
     before: list[list[Array]]  # whitened residual of each run and repeat, nominal model
     after: list[list[Array]]  # the same, refitted
     prior: Prior  # what was known before
+    bristle: Direction | None  # of the family, that is in the model; one of `directions`
 
 
 def weight_name(k: int) -> str:
@@ -183,7 +184,8 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
         if after is None:
             break
         model, residuals = after
-    return BaselineFit(model, noise, (*free, *family.bristles), family.products, before, residuals, prior)
+    moving_all = (*free, *family.bristles)
+    return BaselineFit(model, noise, moving_all, family.products, before, residuals, prior, family.chosen)
 
 
 _Data = tuple[gram_matrices.Grams, list[list[Array]], Whitener]
@@ -241,7 +243,7 @@ def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | No
     length = max(1.0 + move.get("bristle_length", 0.0), thresholds.SHORTEST_BRISTLE)
     bristle = friction_bristle.scaled(p.friction.bristle, 1.0 + move.get("bristle_size", 0.0), length)
     if member is not None:
-        bristle = _with_force(bristle, member.change(model).stage.friction.bristle, move[member.name])
+        bristle = _with_force(bristle, member.change(model).stage.friction.bristle, move.get(member.name, 0.0))
     changed = p.friction._replace(operators=operators._replace(weight=weights), bristle=bristle)
     moved_stage = p._replace(mechanics=mechanics, friction=changed)
     if move.get(DELAY):
@@ -252,8 +254,8 @@ def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | No
 def _with_force(
     bristle: friction_bristle.Bristle, member: friction_bristle.Bristle, force: float
 ) -> friction_bristle.Bristle:
-    """The bristle `member` with the force of `bristle` and `force` (N m | N) more; `bristle` where that is nothing."""
+    """The bristle `member` with the force of `bristle` and `force` (N m | N) more; none where nothing is left."""
     coulomb = max(bristle.coulomb + force, 0.0)
-    return (
-        member._replace(coulomb=coulomb, stiffness=member.stiffness * coulomb / member.coulomb) if coulomb else bristle
-    )
+    if not coulomb:
+        return friction_bristle.NEUTRAL
+    return member._replace(coulomb=coulomb, stiffness=member.stiffness * coulomb / member.coulomb)

@@ -109,7 +109,8 @@ def _base_products(e: Evidence, now: Fitted) -> gram_matrices.Products:
     def with_effects(p: Direction) -> Direction:
         return p._replace(change=lambda _: equipped(p.change(now.model), now.effects))
 
-    moving = [with_effects(p) for p in e.base.directions if not bristle_members.is_member(p.name)]
+    own = [p for p in e.base.directions if not bristle_members.is_member(p.name)]
+    moving = [with_effects(p) for p in (*own, *_bristle(e))]
     columns = sensitivities.all_columns(now.equipped, e.runs, moving, e.base.noise)
     return gram_matrices.products(e.runs, columns, baseline_fit.START)
 
@@ -125,15 +126,30 @@ def _step(e: Evidence, now: Fitted) -> Fitted:
     for share in thresholds.STEP_SHARES:
         move = {name: share * value for name, value in step.items()}
         effects = tuple(_shifted(valued, move) for valued in now.effects)
-        after = _fitted(e, baseline_fit.moved(now.model, move, None, prior.dt), effects)
+        after = _fitted(e, moved(e, now.model, move), effects)
         if after.residual_sum_of_squares < now.residual_sum_of_squares:
             return after
     return now
 
 
 def nuisances(e: Evidence) -> list[str]:
-    """Columns of the base that move next to every effect."""
-    return baseline_fit.parameter_names(e.base.directions)
+    """Columns of the base that move next to every effect: its parameters, and the force of its bristle.
+
+    A bristle that was chosen without an effect has taken on a part of it, and must give that back.
+    """
+    names = baseline_fit.parameter_names(e.base.directions)
+    return names if e.base.bristle is None else [*names, e.base.bristle.name]
+
+
+def _bristle(e: Evidence) -> list[Direction]:
+    """The direction of the force of the bristle that is in the model, from the force that it has there."""
+    member = e.base.bristle
+    return [] if member is None else [member._replace(change=lambda m: moved(e, m, {member.name: member.size}))]
+
+
+def moved(e: Evidence, model: TrackedModel, move: Mapping[str, float]) -> TrackedModel:
+    """`model` with parameters of the base moved by these steps."""
+    return baseline_fit.moved(model, move, e.base.bristle, e.base.prior.dt)
 
 
 def moving(e: Evidence) -> list[str]:

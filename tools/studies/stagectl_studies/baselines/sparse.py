@@ -14,7 +14,7 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares
-from stagectl.gap.selection import baseline_fit, refine
+from stagectl.gap.selection import refine
 from stagectl.gap.selection.candidates import EffectValues, Form, equipped
 from stagectl_studies.baselines.baseline_common import Answer, Ground, shifts
 
@@ -32,7 +32,7 @@ def sparse(g: Ground) -> Answer:
     amplitude = least_squares.fit(whole, [*nuisance, *places]).amplitude
     moved = dict(zip(refine.nuisances(e), amplitude[: len(nuisance)].tolist(), strict=True))
     possible = {name: max(step, e.base.prior.bounds(e.base.model, name)[0]) for name, step in moved.items()}
-    model = baseline_fit.moved(e.base.model, possible, None, e.base.prior.dt)
+    model = refine.moved(e, e.base.model, possible)
     rest, effects = amplitude[len(nuisance) :].tolist(), []
     for form in chosen:
         effects.append(EffectValues(form.effect, form.values([rest.pop(0) for _ in form.names])))
