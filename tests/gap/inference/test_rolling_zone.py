@@ -61,7 +61,7 @@ def test_the_rolling_zone_is_as_uncertain_as_its_elements() -> None:
     error = {}
     for size in (0.0, 0.01, 0.02):
         of_last = np.diag([0.0, 0.0, size**2])
-        error[size] = rolling_zone._of_elements(now, Errors(NOTHING, names, of_last, NOTHING))
+        error[size] = rolling_zone._of_elements(now, Errors(NOTHING, names, of_last, NOTHING), None)
     assert error[0.0] == 0.0 < error[0.01] and error[0.02] == pytest.approx(2.0 * error[0.01], rel=0.2)
     common = Errors(NOTHING, names, np.full((3, 3), 0.02**2), NOTHING)
-    assert rolling_zone._of_elements(now, common) < 0.1 * error[0.02]
+    assert rolling_zone._of_elements(now, common, None) < 0.1 * error[0.02]
