@@ -96,14 +96,16 @@ def _drawn(
     quantity, unit = quantity_unit
     known = [(label, values, colour) for label, values, colour in curves if np.isfinite(values).any()]
     scaling = within if within is not None and np.isfinite(within).any() else np.concatenate([y for _, y, _ in known])
-    largest = float(np.nanmax(np.abs(scaling), initial=0.0))
+    low, high = float(np.nanmin(scaling)), float(np.nanmax(scaling))
+    largest = max(abs(low), abs(high))
     letter, scale = prefix(largest)
     lines = []
     for label, values, colour in known:
         time, ends = thinned(samples["time"], values * scale)
         lines.append(Line(time, ends, label, colour, width=0.9))
     factor = 1.4 if within is None else 1.6  # room for the legend; for values outside the window
-    room = (-factor * largest * scale, factor * largest * scale) if largest else None
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) or 0.1 * largest
+    room = ((middle - factor * half) * scale, (middle + factor * half) * scale) if largest else None
     frame = Frame(
         "time [s]", f"{quantity} [{letter}{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2
     )

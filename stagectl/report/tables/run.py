@@ -34,7 +34,7 @@ def achieved(result: dict[str, Any], meta: dict[str, Any]) -> Table:
     rows = []
     for name, words in (
         ("tracking_error", "tracking error"),
-        ("tracking_error_true", "of the simulated true position"),
+        ("tracking_error_true", "tracking error of the true position (simulated)"),
     ):
         error = result.get(name)
         if error and error["peak"] is not None:
