@@ -195,7 +195,9 @@ def _close(read: Any, wanted: Any) -> bool:
     if isinstance(wanted, float):
         return bool(abs(read - wanted) <= SAME_VALUE * abs(wanted))
     if isinstance(wanted, Sequence) and not isinstance(wanted, str):
-        return len(read) == len(wanted) and all(_close(a, float(b)) for a, b in zip(read, wanted, strict=True))
+        return len(read) == len(wanted) and all(
+            _close(a, b if isinstance(b, str) else float(b)) for a, b in zip(read, wanted, strict=True)
+        )
     return bool(read == wanted)
 
 

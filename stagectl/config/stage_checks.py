@@ -6,18 +6,18 @@ import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 from stagectl.compensation.rolling import GeneralisedMaxwell, ReversalTable
 from stagectl.config.bounds import DELAY_LINE, SAME_VALUE, WIDEST_SLIPS
 from stagectl.config.friction_laws import Operators, Rolling, friction_of
+from stagectl.config.hints import plain
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
 from stagectl.drives.drive import Canopen
 from stagectl.kernels.effects import TURN
-from stagectl.kernels.fields import get
-from stagectl.kernels.stage import sliding
+from stagectl.kernels.stage import Stage, sliding
 from stagectl.number_format import duration
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
@@ -43,14 +43,19 @@ def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
 
 def _unanswered(file: StageFile) -> Iterator[Problem]:
     for place in file.control.unanswered:
-        try:
-            get(file, place)
-            known = place.split(".")[0] in ("motor", "mechanics", "friction", "drive", "encoder")
-        except AttributeError:
-            known = False
-        if not known:
-            reason = "must be an entry of motor, mechanics, friction, drive or encoder, such as motor.cogging"
+        if not _in_model(place):
+            reason = (
+                "must be a part of the stage model: of motor, mechanics, friction, drive or encoder, as motor.cogging"
+            )
             yield Problem(reason, _CONFLICT, "control.unanswered", place)
+
+
+def _in_model(place: str) -> bool:
+    """Whether the stage model has a field at this dotted place; an entry of a law may stand elsewhere there."""
+    block: Any = Stage
+    for name in place.split("."):
+        block = plain(get_type_hints(block).get(name)) if hasattr(block, "_fields") else None
+    return block is not None
 
 
 def _encoder(file: StageFile) -> Iterator[Problem]:

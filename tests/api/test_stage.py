@@ -69,6 +69,16 @@ def test_what_must_not_be_is_refused(stage: DesignedStage, folder: Path) -> None
     assert sc.load_stage("fast.yaml", judged=False).margins.phase < math.radians(20.0)
 
 
+@pytest.mark.parametrize("place", ["friction.coulomb", "motor.temper", "drive.wire", "controller"])
+def test_what_the_model_has_no_place_for_cannot_be_left_unanswered(stage: DesignedStage, place: str) -> None:
+    """An entry of a law is none: Stribeck's curve of a bristle stands with the bristle."""
+    known = ["residual", "friction.bristle.stribeck"]
+    assert stage.changed({"control.unanswered": known}).setup.file.control.unanswered == tuple(known)
+    with pytest.raises(ConfigError) as refused:
+        stage.changed({"control.unanswered": [place]})
+    assert [problem.key for problem in refused.value.problems] == ["control.unanswered"]
+
+
 def test_another_friction_law_and_an_entry_of_it_in_one_change(stage: DesignedStage) -> None:
     """What a patch of the diagnosis gives: the block, then an entry that only the new law has."""
     law = {"law": "stop-operators", "weight": [0.6, 0.3], "slip": [1e-4, 1e-3]}

@@ -158,8 +158,13 @@ def test_an_effect_that_is_dropped_is_named_in_the_new_stage_file(tmp_path: Path
     closing = gap_closing.Closing(Machine(setup, True, None), tmp_path, 1, 1)
     model = closing.version(1)
     model.write_text(STAGE.read_text(encoding="utf-8"), encoding="utf-8")
-    dropped = gap_closing._unanswered(closing, model, ("cogging", "backlash"))
-    assert closing.setup(dropped).file.control.unanswered == ("motor.cogging", "mechanics.transmission")
+    dropped = gap_closing._unanswered(closing, model, ("cogging", "backlash", "stribeck"))
+    assert closing.setup(dropped).file.control.unanswered == (
+        "motor.cogging",
+        "mechanics.transmission",
+        "friction.stribeck",
+        "friction.bristle.stribeck",
+    )
     assert closing.setup(model).file.control.unanswered == ()
 
 
