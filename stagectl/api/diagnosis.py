@@ -134,7 +134,9 @@ class GapDiagnosis(ReportedResult):
         """The page with all figures; `folder` holds the stored answer, where that is not the folder of the logs."""
         from stagectl.report.gap.page import page
 
-        return page(self.diagnosis, str(self.place), [command] if command else [], str(folder or self.place))
+        others = 0 if self.place.is_dir() else len(self.session.logs) - 1
+        logs = f"{self.place} and {others} more" if others else str(self.place)
+        return page(self.diagnosis, logs, [command] if command else [], str(folder or self.place))
 
     @checked
     def patch(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> patch.Patch:
