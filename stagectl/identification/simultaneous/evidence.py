@@ -18,7 +18,8 @@ the acceleration and not in the current: then ``a`` is the answer to ``i`` and n
 the Jacobian ``n log J``.  To first order that takes ``n v`` from the square of the whitened acceleration,
 ``v = (r^2 - s^2) / J^2``, with ``r^2`` the square of the whitened residual and ``s^2`` the current sensor's share of it
 (bias-eliminating least squares; T. Soederstrom, Errors-in-Variables Methods in System Identification, Springer 2018).
-Delays and scales are compared with the variance that each of them leaves.
+Delays and scales are compared with the variance that each of them leaves.  Of a coarse encoder at least the noise of
+its rounding is taken out.
 
 **Temper.**  Rows are worth less than their number: the window correlates neighbours, and what the columns leave of the
 true law repeats in every stroke.  With a residual of variance ``s^2`` of which the share ``f`` is such an error, n rows
@@ -39,7 +40,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous import temper
 from stagectl.identification.simultaneous.model import Forces, Problem, Scales
-from stagectl.identification.simultaneous.regressors import ACCELERATION
+from stagectl.identification.simultaneous.regressors import ACCELERATION, rounding_noise
 
 
 class Fit(NamedTuple):
@@ -125,14 +126,15 @@ def _residual(p: Problem, fit: Fit, forces: Forces) -> Array:
 
 def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
     """The problem without the noise of its acceleration, as far as the motion still determines the inertia."""
-    full, sensed = p.gram, p.sensed(p.whitening.weights)
+    full, sensed, rounded = p.gram, p.sensed(p.whitening.weights), rounding_noise(p.parts, p.whitening.weights)
     most = thresholds.MOST_NOISE * _alone(full, ACCELERATION)
     for _ in range(thresholds.NOISE_ROUNDS):
         fit = _settled(p, forces, scales, _rough_variance(p, forces))
         inertia = max(
             float(fit.known.mean[ACCELERATION, fit.best]), thresholds.LEAST_INERTIA * p.file.mechanics.inertia
         )
-        moved = max(fit.variance - sensed, 0.0)
+        # A controller answers rounding with a current, which looks like the sensor's noise: rounding is the least.
+        moved = min(max(fit.variance - sensed, rounded * inertia**2), fit.variance)
         noise, gram = min(len(p.white) * moved / inertia**2, most), full.copy()
         agrees = abs(noise - p.acceleration_noise) <= thresholds.NOISE_AGREES * noise
         gram[ACCELERATION, ACCELERATION] -= noise

@@ -28,6 +28,7 @@ from stagectl.identification.simultaneous.regressors import (
     VELOCITY,
     Part,
     Rows,
+    coarse,
     smoothed,
     track,
     window,
@@ -66,14 +67,15 @@ class Shapes(NamedTuple):
 def shapes(parts: list[Part], motion: Array) -> Shapes:
     """Slips from what sampling and encoder resolve to a share of the stroke, and speeds up to beyond the fastest.
 
+    Where the measured path is too coarse for a law, the shortest slip is at once at its limit, as far as the data tell.
+
     `motion` (rows, 2 or more) has acceleration and velocity of all `parts`.
     """
     rms = float(np.sqrt(np.mean(motion[:, ACCELERATION] ** 2)))
-    low = min(
-        max(thresholds.SLIP_STEPS * p.capture.encoder_step, 0.25 * rms * (p.q * p.capture.dt) ** 2) for p in parts
-    )
+    seen = min(_resolved(p, rms, thresholds.SLIP_STEPS, thresholds.SLIP_TIME) for p in parts)
+    low = min(_resolved(p, rms, *thresholds.FOLLOWED) if coarse(p) else seen for p in parts)
     stroke = max(float(np.ptp(p.capture.position)) for p in parts)
-    high = min(max(thresholds.SLIP_STROKE * stroke, 4.0 * low), thresholds.SLIP_SPAN * low)
+    high = min(max(thresholds.SLIP_STROKE * stroke, 4.0 * seen), thresholds.SLIP_SPAN * seen)
     fastest = float(np.abs(motion[:, VELOCITY]).max())
     return Shapes(
         np.geomspace(low, high, thresholds.SLIPS),
@@ -81,6 +83,11 @@ def shapes(parts: list[Part], motion: Array) -> Shapes:
         fastest * np.geomspace(*thresholds.STRIBECK_SPEEDS, thresholds.STRIBECK_COLUMNS),
         fastest,
     )
+
+
+def _resolved(p: Part, rms: float, steps: float, share: float) -> float:
+    """Displacement (rad | m) of so many encoder steps, or of a `share` of `rms` (acceleration) times knots squared."""
+    return max(steps * p.capture.encoder_step, share * rms * (p.q * p.capture.dt) ** 2)
 
 
 class Path(NamedTuple):
