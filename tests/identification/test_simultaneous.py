@@ -410,3 +410,15 @@ def test_a_coarse_encoder_gives_wide_intervals(tmp_path: Path) -> None:
             row = fit.parameters[name]
             assert row.low < getattr(foreign.truth, name) < row.high
             assert row.half > 0.05 * row.value
+
+
+def test_a_coarse_encoder_makes_the_delay_no_longer(tmp_path: Path) -> None:
+    """A sine with 4,096 counts: the friction turns round within two steps, which no column for seen steps can do."""
+    foreign = capture_cases.capture_of(capture_cases.setting_of(813))
+    assert (foreign.setting.counts, foreign.setting.motion) == (4096, "sine")
+    capture_cases.write(tmp_path / "sine.csv", foreign.columns)
+    stage_file = sc.load_stage(STAGE_FILE).changed({"encoder.counts_per_revolution": 4096})
+    found = sc.identify(stage_file, tmp_path / "sine.csv").parameters
+    assert found["delay"].value == pytest.approx(foreign.truth.delay, abs=0.5e-3)  # it was 1.05 ms too long
+    assert found["viscous"].value == pytest.approx(foreign.truth.viscous, rel=0.01)  # 1.8 %
+    assert found["coulomb"].value == pytest.approx(foreign.truth.coulomb, rel=0.03)
