@@ -88,7 +88,7 @@ class GapDiagnosis(ReportedResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be known about the logs, and what they cannot tell."""
-        return (*self.diagnosis.notes, *self.diagnosis.cannot_tell)
+        return (*self.diagnosis.doubts, *self.diagnosis.notes, *self.diagnosis.cannot_tell)
 
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""

@@ -19,6 +19,8 @@ MOST_SPANS = 8
 
 def show(diagnosis: DiagnosisResult, folder: Path) -> None:
     """Print the diagnosis of `folder`."""
+    for doubt in diagnosis.doubts:
+        console.print(f"doubtful data: {doubt}", style="bold")
     console.print(f"{diagnosis.verdict}: {diagnosis.sentence or verdict_text.sentence(diagnosis)}")
     if diagnosis.effects:
         console.print(_effects(diagnosis))

@@ -245,6 +245,7 @@ def _empty(session: Session, verdict: str) -> DiagnosisResult:
         coordinates=(),
         captures=(),
         shares=(),
+        doubts=session.doubts,
         notes=session.notes,
         cannot_tell=session.cannot_tell,
         kind=session.kind,

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import stagectl as sc
-from stagectl.gap.logs.current_order import order_notes, periods_ahead
+from stagectl.cli.gap_show import show
+from stagectl.gap.logs import load_session
+from stagectl.gap.logs.current_order import order_doubts, periods_ahead
+from stagectl.report.gap.page import page
 from tests.conftest import CONFIG
 from tests.gap.captured import Columns
+from tests.gap.examples import found
 
 DT = 5e-4  # s
 
@@ -23,13 +29,14 @@ def columns() -> Columns:
 
 
 def test_a_drive_follows_its_command(columns: Columns) -> None:
-    assert order_notes(columns, DT) == [] and order_notes({"command": columns["command"]}, DT) == []
+    assert order_doubts(columns["command"], columns["current"], DT) == []
+    assert order_doubts(columns["command"], None, DT) == []
 
 
 def test_swapped_columns_are_said(columns: Columns) -> None:
-    swapped = {"command": columns["current"], "current": columns["command"]}
-    (note,) = order_notes(swapped, DT)
-    assert "swapped" in note and periods_ahead(swapped["command"], swapped["current"]) in (1, 2)
+    command, current = columns["current"], columns["command"]
+    (doubt,) = order_doubts(command, current, DT)
+    assert "swapped" in doubt and periods_ahead(command, current) in (1, 2)
 
 
 @pytest.mark.parametrize("late", [2, 4])
@@ -46,3 +53,17 @@ def test_noise_alone_has_no_order() -> None:
 
 def test_a_constant_current_has_none() -> None:
     assert periods_ahead(np.ones(400), np.ones(400)) == 0 and periods_ahead(np.ones(1), np.ones(1)) == 0
+
+
+def test_a_doubt_comes_before_the_answer(columns: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is on the logs of a session, and first on the terminal and on the page."""
+    position = 1e-2 * np.sin(np.arange(len(columns["command"])) * DT)
+    rows = np.column_stack([DT * np.arange(len(position)), position, columns["current"], columns["command"]])
+    head = "time_s,position_rad,current_command_A,current_A"
+    np.savetxt(tmp_path / "swapped.csv", rows, delimiter=",", header=head, comments="")
+    session = load_session.load([tmp_path / "swapped.csv"], sc.load_stage(CONFIG / "ball-screw.yaml").setup)
+    assert len(session.doubts) == 1 and not set(session.doubts) & set(session.notes)
+    result = found("effects")._replace(doubts=session.doubts)
+    show(result, tmp_path)
+    assert session.doubts[0][:40] in capsys.readouterr().err.splitlines()[0]
+    assert session.doubts[0] in page(result, "logs", []).notes[0]

@@ -77,7 +77,8 @@ def test_effects_come_first_then_signatures_and_parameters() -> None:
 
 
 def test_a_wrong_controller_holds_the_whole_gap() -> None:
-    empty: Any = SimpleNamespace(kind="linear", notes=(), cannot_tell=(), travel_per_unit=1.0, travel_unit="m", logs=())
+    said: dict[str, Any] = {"doubts": (), "notes": (), "cannot_tell": (), "logs": ()}
+    empty: Any = SimpleNamespace(kind="linear", travel_per_unit=1.0, travel_unit="m", **said)
     result = diagnose._unsearched(empty, "controller", "the integral gain")
     assert (result.verdict, result.reason, result.blocks["controller"]) == ("controller", "the integral gain", 1.0)
     assert result.gap.unit == "m" and result.effects == ()

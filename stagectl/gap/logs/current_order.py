@@ -9,11 +9,11 @@ from stagectl.gap.logs.thresholds import CURRENT_LEADS, MOST_LEAD
 from stagectl.number_format import duration
 
 
-def order_notes(columns: dict[str, Array], dt: float) -> list[str]:
-    """A note where the measured current of a log leads its command by a control period `dt` (s) or more."""
-    if "command" not in columns or "current" not in columns:
+def order_doubts(command: Array | None, current: Array | None, dt: float) -> list[str]:
+    """What to say where the measured current (n,) A of a log leads its command by a control period `dt` (s) or more."""
+    if command is None or current is None:
         return []
-    lead = periods_ahead(columns["command"], columns["current"])
+    lead = periods_ahead(command, current)
     if not lead:
         return []
     return [

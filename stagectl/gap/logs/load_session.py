@@ -18,7 +18,7 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.logs import deployed_controller, nominal_model, row_validity
-from stagectl.gap.logs.current_order import order_notes
+from stagectl.gap.logs.current_order import order_doubts
 from stagectl.gap.logs.grid import GriddedLog, on_control_periods
 from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
 from stagectl.gap.logs.repeats import Repeat, reconciled
@@ -51,6 +51,7 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
     finished = [_finished(repeat, rows, machine, dt) for repeat, rows in zip(repeats, known, strict=True)]
     notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
     notes += [(log.name, note) for log, log_notes in finished for note in log_notes]
+    doubts = [(log.name, doubt) for log, _ in finished for doubt in order_doubts(log.command, log.current, dt)]
     axis = machine.axis
     session = Session(
         place=paths[0],
@@ -63,6 +64,7 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
         logs=tuple(log for log, _ in finished),
         notes=(*said.notes, *machine.notes, *period_notes, *repeat_notes, *gathered(notes, len(finished))),
         nominal=machine.nominal,
+        doubts=tuple(gathered(doubts, len(finished))),
     )
     return session._replace(cannot_tell=undetermined(session, [repeat.log.start is not None for repeat in repeats]))
 
@@ -174,7 +176,7 @@ def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: fl
         setpoints=known,
         exact=grid.exact,
     )
-    return finished, [*grid.notes, *notes, *order_notes(columns, dt)]
+    return finished, [*grid.notes, *notes]
 
 
 def _setpoints(repeat: Repeat, machine: NominalSetup, dt: float) -> Array | None:

@@ -80,3 +80,4 @@ class Session(NamedTuple):
     notes: tuple[str, ...] = ()  # what was done to the data, and what is doubtful
     cannot_tell: tuple[str, ...] = ()  # what is missing, and what cannot be determined because of it
     nominal: Any = None  # nominal.yaml as read, for what only a report needs
+    doubts: tuple[str, ...] = ()  # what makes the data themselves doubtful, and so every answer

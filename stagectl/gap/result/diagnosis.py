@@ -140,6 +140,7 @@ class DiagnosisResult(NamedTuple):
     next_experiment: NextExperiment | None = None
     unknown: UnknownTerm | None = None
     traces: tuple[Trace, ...] = ()
+    doubts: tuple[str, ...] = ()  # what makes the data themselves doubtful: said first
     notes: tuple[str, ...] = ()
     cannot_tell: tuple[str, ...] = ()
     kind: str = "rotary"

@@ -51,7 +51,7 @@ def _basis(result: DiagnosisResult) -> list[str]:
         about.append(f"Checked on {held_out if result.judged_on == HELD_OUT else result.judged_on}.")
     if result.seconds:
         about.append(f"Computing time: {sum(seconds for _, seconds in result.seconds):.0f} s.")
-    return [" ".join(about)]
+    return [*(f"Doubtful data: {doubt}." for doubt in result.doubts), " ".join(about)]
 
 
 def _counted(number: int, noun: str) -> str:
