@@ -115,9 +115,9 @@ def test_every_command_runs_as_printed(reader: Reader, least: int, request: pyte
     for row, name in FIGURES.get(page, {}).items():
         recording = open_recording(reader.folder / "recordings" / f"{name}.h5")
         seen = evaluate(recording.samples, recording.meta)["tracking_error"]
-        assert printed_errors(page, row) == pytest.approx(
-            {kind: seen[kind] for kind in printed_errors(page, row)}, rel=NEAR
-        )
+        printed = printed_errors(page, row)
+        assert printed, f"{page}: no error in the row {row}"
+        assert printed == pytest.approx({kind: seen[kind] for kind in printed}, rel=NEAR)
 
 
 def printed_errors(page: str, row: str) -> dict[str, float]:

@@ -96,13 +96,27 @@ def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
     return result
 
 
-def in_si(text: str, values: Mapping[str, Any], lengths: Lengths) -> dict[str, Any]:
+def in_si(text: str, values: Mapping[str, Any], lengths: Lengths, within: str = "") -> dict[str, Any]:
     """`values` for the stage file `text`, with a text such as ``200 mm/s`` as a number in SI.
 
+    They are entries of the block `within`, which ends with a dot.
     Raises ConfigError where there is no such entry, or the unit does not fit.
     """
-    root = yaml_edit.root_of(text)
-    return {name: _in_si(name, value, hint_at(StageFile, name, root), lengths) for name, value in values.items()}
+    root, numbers = yaml_edit.root_of(text), dict(values)
+    for name, value in values.items():
+        hint = None if value is KEPT else _hint_of(f"{within}{name}", root)
+        if isinstance(value, Mapping):
+            numbers[name] = in_si(text, value, lengths, f"{within}{name}.")
+        elif hint is not None:
+            numbers[name] = _in_si(f"{within}{name}", value, hint, lengths)
+    return numbers
+
+
+def _hint_of(name: str, root: yaml.Node) -> Any:
+    """The type hint of an entry; None of the one that says which block it is."""
+    block, _, word = name.rpartition(".")
+    tag = tag_of(hint_at(StageFile, block, root)) if block else None
+    return None if tag is not None and word == tag.key else hint_at(StageFile, name, root)
 
 
 def _in_si(name: str, value: Any, hint: Any, lengths: Lengths) -> Any:

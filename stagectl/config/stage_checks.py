@@ -11,7 +11,6 @@ from typing import Any, get_type_hints
 from stagectl.compensation.rolling import GeneralisedMaxwell, ReversalTable
 from stagectl.config.bounds import DELAY_LINE, SAME_VALUE, WIDEST_SLIPS
 from stagectl.config.friction_laws import Operators, Rolling, friction_of
-from stagectl.config.hints import plain
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
@@ -44,17 +43,15 @@ def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
 def _unanswered(file: StageFile) -> Iterator[Problem]:
     for place in file.control.unanswered:
         if not _in_model(place):
-            reason = (
-                "must be a part of the stage model: of motor, mechanics, friction, drive or encoder, as motor.cogging"
-            )
+            reason = "must be a part of the stage model: of motor, mechanics, friction, drive, encoder, or residual"
             yield Problem(reason, _CONFLICT, "control.unanswered", place)
 
 
 def _in_model(place: str) -> bool:
-    """Whether the stage model has a field at this dotted place; an entry of a law may stand elsewhere there."""
+    """Whether the stage model has a field at this dotted place; an entry of a law, as friction.coulomb, is none."""
     block: Any = Stage
     for name in place.split("."):
-        block = plain(get_type_hints(block).get(name)) if hasattr(block, "_fields") else None
+        block = get_type_hints(block).get(name) if hasattr(block, "_fields") else None
     return block is not None
 
 

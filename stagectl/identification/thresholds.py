@@ -9,6 +9,7 @@ from __future__ import annotations
 # Intervals of 95 %.
 NORMAL_95 = 1.959964  # standard deviations either way; normal distribution, seven digits
 QUANTILE_95 = 0.975  # two-sided quantile of Student's distribution
+CORRELATION_RIDGE = 1e-12  # added to a correlation of 1: rounding
 TIED = 0.9  # correlation from which two parameters are reported as tied; chosen
 
 # Records: the least that is accepted, and how they are split.  Chosen.
@@ -189,7 +190,7 @@ SLIP_STEPS, SLIP_TIME = 4.0, 0.25
 # with 4,096 and 20,000 counts: its reversal came too late in the model, and the delay was up to 3 ms too long.
 FOLLOWED = (0.25, 0.02)
 SLIP_STROKE = 0.1  # of a motion: the longest slip
-SLIP_SPAN = 300.0  # longest over shortest slip at most
+SLIP_SPAN = 300.0  # longest slip over the shortest that is seen, at most
 SLIPS, BRISTLES = 20, 5  # stop operators, lengths of bristles
 STRIBECK_OPERATORS = (3, 8, 14)  # stop operators that have Stribeck columns
 # Of the largest speed, from and to; their number.  The columns reach as far as the laws.  What is faster looks like

@@ -81,7 +81,10 @@ def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
     if {"reference", "closed"} <= set(names):
         error = np.where(evaluation.closed(samples), evaluation.tracking_error(samples, meta), np.nan)
         inside = evaluation.window(samples["time"], meta["steady"])
-        shown.append(_drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside]))
+        if np.isfinite(error).any():  # an open loop has none
+            shown.append(
+                _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside])
+            )
     return [*shown, *([_drawn(samples, currents, ("current", "A"), (steady,))] if currents else [])]
 
 

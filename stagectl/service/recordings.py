@@ -8,6 +8,7 @@ import math
 import os
 import re
 import stat
+import threading
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -57,6 +58,7 @@ class Recordings:
 
     def __init__(self, state: Path) -> None:
         self._state = state
+        self._lock = threading.Lock()  # of the next two: `end` and `files` are called in threads of their own
         self._running: dict[str, _Running] = {}
         self._ending: set[Path] = set()  # asked to end, and not whole yet
         self._expiry = 0.0  # s, monotonic clock, of the next look at what is too old
@@ -73,7 +75,7 @@ class Recordings:
         if not _NAME.fullmatch(name):
             raise ServiceError(f"name {name!r}; must be letters, digits, '_', '-', '.', '+', 80 at most")
         path = self._state / "recordings" / axis.name / f"{name}.h5"
-        if path.exists():
+        if path.exists() or path in self._ending:
             raise ServiceError(f"{path.name} exists already: take another name")
         path.parent.mkdir(parents=True, exist_ok=True)
         ring, dt = axis.ring, axis.setup.dt
@@ -116,29 +118,41 @@ class Recordings:
 
     def end(self, name: str) -> Path:
         """End the recording of an axis; returns when its file is whole.  Raises ServiceError where there is none."""
-        running = self._running.pop(name, None)
-        if running is None:
-            raise ServiceError(f"{name} is not being recorded")
-        self._ending.add(running.path)
+        with self._lock:
+            running = self._running.pop(name, None)
+            if running is None:
+                raise ServiceError(f"{name} is not being recorded")
+            self._ending.add(running.path)
         try:
             return _finished(running)
         finally:
-            self._ending.remove(running.path)
+            with self._lock:
+                self._ending.remove(running.path)
 
     def look(self) -> list[str]:
         """Tell those whose time is over, take leave of those that have ended; axes whose recording failed."""
         failed = []
         for name, running in list(self._running.items()):
-            if running.child.ended is not None:
-                del self._running[name]
+            if running.child.ended is not None and self._taken(running):
                 os.close(running.pipe)
                 if running.child.wait(_END):
                     discard(running.path)
                     failed.append(name)
             elif time.monotonic() > running.until and not running.asked_to_end:
-                _ask_to_end(running)
-                self._running[name] = running._replace(asked_to_end=True)
+                self._asks_to_end(running)
         return failed
+
+    def _taken(self, running: _Running) -> bool:
+        """Whether it was still there to be taken out: `end` may have done so."""
+        with self._lock:
+            there = self._running.get(running.axis) is running
+            return there and self._running.pop(running.axis) is running
+
+    def _asks_to_end(self, running: _Running) -> None:
+        with self._lock:
+            if self._running.get(running.axis) is running:
+                _ask_to_end(running)
+                self._running[running.axis] = running._replace(asked_to_end=True)
 
     def cut(self) -> list[tuple[Child, float]]:
         """The real-time process is gone: what was being recorded ends here; recorders, and what (s) each may take."""
@@ -162,7 +176,8 @@ class Recordings:
 
     def files(self) -> list[dict[str, Any]]:
         """All files there are, the newest first; one that is about to be written has no bytes."""
-        going = {running.path for running in list(self._running.values())} | self._ending
+        with self._lock:
+            going = {running.path for running in self._running.values()} | self._ending
         there = {path for kind in KINDS for path in (self._state / kind).glob("*/*.h5")}
         entries = [_listed(path, path in going) for path in there | going]
         return sorted((entry for entry in entries if entry), key=lambda entry: -float(entry["time"]))

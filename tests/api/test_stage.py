@@ -85,6 +85,8 @@ def test_another_friction_law_and_an_entry_of_it_in_one_change(stage: DesignedSt
     changed = stage.changed({"friction": law, "friction.bristle.coulomb": 0.4, "friction.bristle.range": "0.01 rad"})
     bristle = changed.setup.stage.friction.bristle
     assert bristle.coulomb == pytest.approx(0.4) and bristle.stiffness == pytest.approx(40.0)
+    with_units = stage.changed({"friction": {"law": "dahl", "coulomb": "0.5 N m", "range": "10 um", "exponent": 1.0}})
+    assert with_units.setup.stage.friction.bristle.coulomb == 0.5
 
 
 @pytest.mark.parametrize(

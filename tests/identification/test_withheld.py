@@ -38,6 +38,10 @@ def kept_back(viscous: float, coulomb: float, correlation: float) -> set[str]:
         (0.25, 0.3, -0.97, set()),
         (0.3, 1.2, -0.97, {"friction", "mechanics.viscous"}),  # its interval reaches 0, and what is tied to it stays
         (1.2, 0.1, 0.97, {"friction", "mechanics.viscous"}),
+        (1.2, 0.3, -0.8, {"friction", "mechanics.viscous"}),  # beside the old value it is known to 30 %
+        (1.2, 0.1, -0.8, {"mechanics.viscous"}),
+        (0.3, 0.3, 1.0, set()),
+        (0.0, 0.0, 0.0, set()),
     ],
 )  # fmt: skip
 def test_tied_parameters_are_written_together_or_not_at_all(

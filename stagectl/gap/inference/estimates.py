@@ -57,7 +57,7 @@ def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Join
         "dead_time": (*delay, session.dt),
         "coulomb": (stage.sliding(q.friction), stage.sliding(p.friction), _friction_unit(session, now)),
     }
-    rows = {name: _functional(name, known.names) for name in values}
+    rows = {name: _functional(name, known.names, p.friction.bristle.coulomb) for name in values}
     names = [name for name, row in rows.items() if name == "coulomb" or row.any()]
     of_columns = np.array([rows[name] for name in names])
     of_centre = [cable_centre.reach(now) if name == cable_centre.BIAS else 0.0 for name in names]
@@ -81,8 +81,12 @@ def _friction_unit(session: Session, now: Fitted) -> float:
     return nominal or max(stage.sliding(now.model.stage.friction), friction_family.size(session.stage))
 
 
-def _functional(name: str, columns: Sequence[str]) -> Array:
-    """(k,) What gives the parameter `name` from the amplitudes of `columns`: one of them, or the sum of all weights."""
+def _functional(name: str, columns: Sequence[str], bristle: float) -> Array:
+    """(k,) What gives the parameter `name` from the amplitudes of `columns`: one of them, or the sum of all forces.
+
+    The amplitude of the nominal bristle is a share of its force `bristle` (N m | N).
+    """
     if name == "coulomb":
-        return np.array([column.startswith(WEIGHT) or bristle_members.is_member(column) for column in columns], float)
+        forces = [float(column.startswith(WEIGHT) or bristle_members.is_member(column)) for column in columns]
+        return np.array([bristle if columns[k] == "bristle_size" else force for k, force in enumerate(forces)])
     return np.array([column == name for column in columns], float)

@@ -73,6 +73,7 @@ def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], 
     coordinate is no more than a guess, so a shift is as probable as under the less favourable of the two.
     """
     moves = {name: move for name, move in _moves(session, e, now).items() if set(move) <= set(refine.nuisances(e))}
+    moves = {name: _of_columns(move, session, now) for name, move in moves.items()}
     material = _materials(known[0].grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * before)
     views = [estimates(session, e, now, errors) for errors in known]
     parts = {name: material.get(name, Material(0.0)) for name in views[0].estimates}
@@ -103,6 +104,12 @@ def _moves(session: Session, e: Evidence, now: Fitted) -> dict[str, dict[str, fl
         "dead_time": {"dead_time": whole_delay(p, session.dt) - whole_delay(q, session.dt)},
         "coulomb": {name: back * force for name, force in rubs.items()},
     }
+
+
+def _of_columns(move: Mapping[str, float], session: Session, now: Fitted) -> dict[str, float]:
+    """A move in the units of the columns: that of the nominal bristle counts in shares of its nominal force."""
+    share = now.model.stage.friction.bristle.coulomb / (session.stage.friction.bristle.coulomb or 1.0)
+    return {part: size * (share if part == "bristle_size" else 1.0) for part, size in move.items()}
 
 
 def undone(session: Session, e: Evidence, now: Fitted, name: str) -> TrackedModel:

@@ -22,7 +22,7 @@ from stagectl.kernels import friction, stage
 
 
 def lengths(
-    nominal: stage.Friction, now: Fitted, known: Errors, bristle: Direction | None = None
+    nominal: stage.Friction, now: Fitted, known: Errors, bristle: Direction | None
 ) -> tuple[Estimate, Estimate]:
     """Length (rad | m) of the fitted friction's rolling zone against the `nominal` one, without a rise and with it.
 

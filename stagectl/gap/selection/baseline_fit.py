@@ -40,7 +40,7 @@ class BaselineFit(NamedTuple):
     before: list[list[Array]]  # whitened residual of each run and repeat, nominal model
     after: list[list[Array]]  # the same, refitted
     prior: Prior  # what was known before
-    bristle: Direction | None  # of the family, that is in the model; one of `directions`
+    bristle: Direction | None  # of the family, that was chosen for the model; one of `directions`
 
 
 def weight_name(k: int) -> str:
@@ -258,4 +258,5 @@ def _with_force(
     coulomb = max(bristle.coulomb + force, 0.0)
     if not coulomb:
         return friction_bristle.NEUTRAL
-    return member._replace(coulomb=coulomb, stiffness=member.stiffness * coulomb / member.coulomb)
+    shape = bristle if bristle.coulomb else member
+    return shape._replace(coulomb=coulomb, stiffness=shape.stiffness * coulomb / shape.coulomb)

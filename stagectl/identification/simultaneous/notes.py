@@ -34,32 +34,41 @@ def withheld(p: Estimate) -> dict[str, Note]:
 
     Parameters that this motion ties to each other are written together or not at all: their errors cancel in the
     force, while one of them beside the old value of the other would be wrong.  So each counts as known as well as it
-    is beside the true values of the others.
+    is beside the true values of the others, as long as these are written, too.
     """
     useless = {name for name, half in _halves_alone(p).items() if _is_useless(p, name, half)}
+    out = set(useless)
+    while further := {name for name in STAGE_KEYS if name not in out and _companions(p, name, out)}:
+        out |= further
     kept_back: dict[str, Note] = {}
-    for name, key in STAGE_KEYS.items():
-        companions = [
-            other for other in useless if other != name and abs(_correlation(p, name, other)) > thresholds.TIED
-        ]
+    for name in (name for name in STAGE_KEYS if name in out):
         if name in useless:
-            reason = f"its interval must lie above 0 and within ±{100.0 * thresholds.USELESS:.0f} %"
-        elif companions:
-            reason = f"it is tied to {' and '.join(sorted(companions))}, and is not written alone"
+            most = f"±{100.0 * thresholds.USELESS:.0f} %"
+            reason = f"it must be known within {most} beside the others' true values, its whole interval above 0"
         else:
-            continue
+            reason = f"it is tied to {' and '.join(_companions(p, name, out))}, and is not written alone"
         value, half = p.parameters[name].value, p.parameters[name].half
         text = f"{name}: {value:.3g} ± {half:.2g} is left out of the stage file's changes; {reason}"
-        kept_back[key] = Note(Topic.WITHHELD, text)
+        kept_back[STAGE_KEYS[name]] = Note(Topic.WITHHELD, text)
     return kept_back
+
+
+def _companions(p: Estimate, name: str, out: set[str]) -> list[str]:
+    """Those `out` of the stage file that `name` is tied to, or without which it is not known well enough."""
+    leans = _is_useless(p, name, p.parameters[name].half)
+    others = sorted(out - {name})
+    return [other for other in others if leans or abs(_correlation(p, name, other)) >= thresholds.TIED]
 
 
 def _halves_alone(p: Estimate) -> dict[str, float]:
     """Half of the interval of each parameter of the stage file if the others were known."""
     own = [NAMES.index(name) for name in STAGE_KEYS]
-    precision = np.linalg.pinv(p.covariance[np.ix_(own, own)], hermitian=True)
-    halves = thresholds.NORMAL_95 / np.sqrt(np.diag(precision))
-    return dict(zip(STAGE_KEYS, halves.tolist(), strict=True))
+    covariance = p.covariance[np.ix_(own, own)]
+    spread = np.sqrt(np.diag(covariance))
+    size = np.where(spread > 0.0, spread, 1.0)
+    correlation = covariance / np.outer(size, size) + thresholds.CORRELATION_RIDGE * np.eye(len(own))
+    shares = np.sqrt(np.minimum(1.0 / np.diag(np.linalg.inv(correlation)), 1.0))
+    return dict(zip(STAGE_KEYS, (thresholds.NORMAL_95 * spread * shares).tolist(), strict=True))
 
 
 def _is_useless(p: Estimate, name: str, half: float) -> bool:

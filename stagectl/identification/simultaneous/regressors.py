@@ -247,10 +247,11 @@ def current_noise(parts: list[Part], whitening: Array) -> float:
 def rounding_noise(parts: list[Part], whitening: Array) -> float:
     """Variance (rad^2/s^4 | m^2/s^4) that the encoder's rounding leaves in the filtered acceleration.
 
-    As of an axis that moves by many steps a sample: where it is slower there is less.  Source: B. Widrow, I. Kollar,
-    Quantization Noise, Cambridge University Press 2008.
+    Of captures whose encoder is coarse, and as of an axis that moves by many steps a sample: of a slower one it is too
+    much.  Source: B. Widrow, I. Kollar, Quantization Noise, Cambridge University Press 2008.
     """
-    total = sum(p.rows * _passed(p, whitening, 2) * p.capture.encoder_step**2 / 12.0 for p in parts)
+    rounded = [p for p in parts if coarse(p)]
+    total = sum(p.rows * _passed(p, whitening, 2) * p.capture.encoder_step**2 / 12.0 for p in rounded)
     return total / sum(p.rows for p in parts)
 
 

@@ -8,6 +8,7 @@ const FORMATS = ["h5", "csv", "mcap"];
 export class Records {
   constructor() {
     this.going = false;
+    this.asked = this.shown = 0;  // number of the last question, and of the one whose answer is shown
     at("record").onsubmit = async (event) => {
       event.preventDefault();
       try {
@@ -46,12 +47,14 @@ export class Records {
   }
 
   async list() {
-    const turn = this.turn = (this.turn || 0) + 1;
+    const turn = ++this.asked;
     let files;
     try {
       files = await ask("GET", "/v1/recordings");
     } catch { return; }
-    if (turn === this.turn) update(at("files"), files.slice(0, 40), (one) => this.file(one), "none yet");
+    if (turn < this.shown) return;  // an answer that a later one has overtaken
+    this.shown = turn;
+    update(at("files"), files.slice(0, 40), (one) => this.file(one), "none yet");
   }
 
   file(one) {
@@ -78,16 +81,16 @@ export class Records {
   }
 }
 
-// Only entries that changed are replaced: a button that is being pressed stays where it is.
+// Entries that did not change stay as they are: a button that is being pressed is not replaced.
 function update(list, records, entryOf, none) {
-  const texts = records.length ? records.map((one) => JSON.stringify(one)) : [none];
+  const texts = records.length ? records.map((one) => JSON.stringify(one)) : [none], wanted = new Set(texts);
+  for (const entry of [...list.children]) if (!wanted.has(entry.record)) entry.remove();
   texts.forEach((text, index) => {
-    const old = list.children[index];
-    if (old?.record === text) return;
+    const there = list.children[index];
+    if (there?.record === text) return;
     const entry = records.length ? entryOf(records[index]) : item("", none);
     entry.record = text;
-    if (old) old.replaceWith(entry);
-    else list.append(entry);
+    list.insertBefore(entry, there ?? null);
   });
   while (list.children.length > texts.length) list.lastChild.remove();
 }

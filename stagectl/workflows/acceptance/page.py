@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shlex
 import textwrap
 from pathlib import Path
@@ -28,14 +29,22 @@ _VIRTUAL = (
 
 
 def free_places(path: Path) -> tuple[Path, Path]:
-    """Where `write_pages` puts JSON and HTML.  Raises StageError where something is there already."""
+    """Where `write_pages` puts JSON and HTML, in a folder that exists afterwards.
+
+    Raises OSError where there can be none, StageError where it cannot be written to or something is there already.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not os.access(path.parent, os.W_OK):
+        raise _refused(path.parent, "cannot be written to", "choose another folder with -o")
     places = path.with_suffix(".json"), path.with_suffix(".html")
     for place in places:
-        if place.exists():
-            remedy = "choose another name with -o, or move it away"
-            reason = f"{place} exists, and is never replaced"
-            raise StageError(Problem(reason, ProblemKind.CONFLICT, file=place, remedy=remedy))
+        if os.path.lexists(place):
+            raise _refused(place, "exists, and is never replaced", "choose another name with -o, or move it away")
     return places
+
+
+def _refused(place: Path, reason: str, remedy: str) -> StageError:
+    return StageError(Problem(f"{place} {reason}", ProblemKind.CONFLICT, file=place, remedy=remedy))
 
 
 def write_pages(result: Acceptance, signature: dict[str, Any], path: Path) -> tuple[Path, Path]:
@@ -44,7 +53,6 @@ def write_pages(result: Acceptance, signature: dict[str, Any], path: Path) -> tu
     The JSON is the signed one; the page shows its hash.  Raises OSError, and StageError where one is there already.
     """
     machine, human = free_places(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     with machine.open("x", encoding="utf-8") as file:
         json.dump(signature, file, indent=2, ensure_ascii=False, allow_nan=False)
         file.write("\n")

@@ -1,16 +1,19 @@
 """Parameters that are off: what a force constant that is off would explain as well."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import stagectl as sc
 from stagectl.gap.inference import parameter_errors
 from stagectl.gap.inference.estimates import Estimate, Joint
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import Value
+from tests.gap.captured import CONFIG, as_csv
 
 NOTHING: Any = None
 
@@ -122,3 +125,15 @@ def test_a_parameter_given_another_is_what_the_fit_would_say_without_that_one() 
     assert alone.value == pytest.approx(0.8 + 0.24 / 0.25 * 0.2)
     assert alone.deviation == pytest.approx((0.25 - 0.24**2 / 0.25) ** 0.5)
     assert joint.given("viscous", []).deviation == pytest.approx(0.5)
+
+
+def test_the_friction_of_a_nominal_bristle_that_is_off(tmp_path: Path) -> None:
+    """Its force counts in shares of the nominal one: a fifth more is found, with an interval that holds it."""
+    law = {"law": "dahl", "coulomb": 1.0, "range": 9e-4, "exponent": 1.0}
+    stage = sc.load_stage(CONFIG / "ball-screw.yaml").changed({"friction": law})
+    machine = stage.changed({"friction.coulomb": 1.2, "simulation.current_noise": 20e-3})
+    motions = [CONFIG / "trajectories" / f"{name}.yaml" for name in ("sine-0.8hz", "sine-3.2hz")]
+    logs = [as_csv(sc.simulate(stage, path, plant=machine), tmp_path / f"{path.stem}.csv") for path in motions]
+    (found,) = (one for one in sc.diagnose(logs, stage=stage, advice=False).named if one.name == "coulomb")
+    value = found.parameters["coulomb"]
+    assert value.low < 1.2 < value.high and value.value == pytest.approx(1.2, abs=0.02) and value.low > 1.05

@@ -1,0 +1,35 @@
+"""The page of a run: its axes fit what was driven, and an open loop has a page, too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import stagectl as sc
+from stagectl.api.record import MotionRecord
+from stagectl.report.run import _panels
+from tests.conftest import CONFIG
+
+FORTH = "type: trapezoid\ndistance: 20 mm\nvelocity: 50 mm/s\nacceleration: 0.5 m/s^2\n"
+
+
+def simulated(motion: Path) -> MotionRecord:
+    return sc.simulate(sc.load_stage(CONFIG / "ball-screw.yaml"), motion)
+
+
+def panels(run: MotionRecord) -> dict[str, tuple[float, float] | None]:
+    """Limits of each panel, by the first words of its caption."""
+    shown = _panels(run.recording.samples, run.recording.meta)
+    return {caption.removesuffix(" over time."): frame.ylim for _, frame, caption in shown}
+
+
+def test_the_axis_fits_what_was_driven(tmp_path: Path) -> None:
+    """A way from 0 to 20 mm is not drawn from -20 mm on; there is room for the legend."""
+    (tmp_path / "forth.yaml").write_text(FORTH)
+    position = panels(simulated(tmp_path / "forth.yaml"))["Position"]
+    assert position == pytest.approx((-4.0, 24.0), abs=0.1)
+
+
+def test_an_open_loop_has_no_tracking_error_to_draw() -> None:
+    assert set(panels(simulated(CONFIG / "experiments" / "current-sine-1.6hz-5a.yaml"))) == {"Position", "Current"}
