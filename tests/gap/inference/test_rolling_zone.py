@@ -31,9 +31,9 @@ def test_a_stretch_is_a_length_and_another_law_an_error_of_it() -> None:
     """All elements half as long again; and about as long on the average, but all of one length."""
     known = Errors(NOTHING, (), np.empty((0, 0)), NOTHING)
     before = friction_of([1e-6, 4e-6, 1e-5])
-    longer = rolling_zone.lengths(before, fitted([1.5e-6, 6e-6, 1.5e-5]), known)[0]
+    longer = rolling_zone.lengths(before, fitted([1.5e-6, 6e-6, 1.5e-5]), known, None)[0]
     assert longer.value == pytest.approx(1.5 * longer.nominal, rel=0.01) and longer.deviation < 0.01 * longer.value
-    other = rolling_zone.lengths(before, fitted([3e-6, 4e-6, 5e-6]), known)[0]
+    other = rolling_zone.lengths(before, fitted([3e-6, 4e-6, 5e-6]), known, None)[0]
     assert other.deviation > abs(other.value - other.nominal)
 
 
@@ -43,7 +43,7 @@ def test_a_rise_at_rest_makes_the_zone_longer_or_not() -> None:
     rising = now.model.stage.friction._replace(stribeck=friction.Stribeck(0.5, 1.0))
     model = now.model._replace(stage=now.model.stage._replace(friction=rising))
     none = Errors(NOTHING, (), np.empty((0, 0)), NOTHING)
-    plain, risen = rolling_zone.lengths(before, now._replace(model=model), none)
+    plain, risen = rolling_zone.lengths(before, now._replace(model=model), none, None)
     assert plain.value == pytest.approx(2.0 / 3.0 * plain.nominal, rel=0.01)
     assert risen.value == pytest.approx(risen.nominal, rel=0.01)
 
