@@ -90,7 +90,7 @@ def _speeds(session: Session, motions: list[ReferenceMotion]) -> str:
             "bias"
         )
     return (
-        f"{most or 'no'} speed{'s were' if most != 1 else ' was'} held, and below {thresholds.SPEED_COUNT} a "
+        f"{most or 'no'} speed{'s were' if most != 1 else ' was'} held; with fewer than {thresholds.SPEED_COUNT} a "
         "curvature of viscous friction cannot be separated from a Stribeck rise"
     )
 

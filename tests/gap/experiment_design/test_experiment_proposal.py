@@ -261,7 +261,7 @@ def test_what_the_sines_never_showed(session: Session) -> None:
     """No held speeds, no dwells, no stroke within presliding, no injection; the stairs come first."""
     words = [words for words, _ in coverage.uncovered(session)]
     assert len(words) == 4
-    assert "speed" in words[0] and "below 5" in words[0]
+    assert "speed" in words[0] and "fewer than 5" in words[0]
     assert "standstills" in words[1] and "within presliding" in words[2] and "injected" in words[3]
     proposed = experiment_proposal.propose(session, {}, NAN)
     assert proposed is not None
