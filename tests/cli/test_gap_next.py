@@ -31,7 +31,7 @@ def test_the_file_and_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture
     assert following(tmp_path, MOTION) == 0
     assert (tmp_path / "micro-sweep.yaml").read_text() == TEXT
     message = capsys.readouterr().err
-    assert "separates backlash from presliding friction by 31.4 sigma in 18 s" in message
+    assert "separates backlash from presliding friction by 31.4 sigma, and takes 18 s" in message
     path = tmp_path / "micro-sweep.yaml"
     assert f"stagectl run STAGE.yaml {path} --output {tmp_path / 'micro-sweep-1.h5'}" in message
     assert f"stagectl gap diagnose {tmp_path}" in message
@@ -55,7 +55,7 @@ def test_nothing_of_the_user_is_overwritten(tmp_path: Path) -> None:
 def test_by_hand_and_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert following(tmp_path, HAND) == 0
     message = capsys.readouterr().err
-    assert "separates inertia from force constant in 15 min" in message and "Weigh a mass." in message
+    assert "separates inertia from force constant, and takes 15 min" in message and "Weigh a mass." in message
     assert following(tmp_path, HAND, "-o", str(tmp_path / "a.yaml")) == 1
     assert not (tmp_path / "a.yaml").exists()
     assert following(tmp_path, None) == 0

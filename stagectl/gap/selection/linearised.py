@@ -12,6 +12,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.residuals.half_strokes import spans
+from stagectl.gap.residuals.thresholds import RIDGE
 from stagectl.gap.selection import candidates, constants, null_ensemble, refine, usual_sizes
 from stagectl.gap.selection.candidates import EffectValues, Form
 from stagectl.gap.selection.evidence import (
@@ -131,7 +132,8 @@ def _start(g: Grams, nuisances: Sequence[Prior], left: Cuts, count: int) -> Cond
     An effect that explains much explains it with an error of form, so the temper stays that of the beginning.
     """
     mixed = temper(left[0], count) * g.effort.sum(axis=0) + temper(left[1], count) * g.current.sum(axis=0)
-    state = Conditioned(mixed[:-1, :-1], mixed[:-1, -1], -0.5 * float(mixed[-1, -1]))
+    gram = mixed[:-1, :-1] + RIDGE * np.diag(np.diag(mixed)[:-1])  # rounding must not make it indefinite
+    state = Conditioned(gram, mixed[:-1, -1], -0.5 * float(mixed[-1, -1]))
     for prior in nuisances:
         if prior.places:
             state = conditioned(state, prior)
