@@ -16,7 +16,7 @@ from stagectl.compensation.forms import name_of
 from stagectl.config import stage_file
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
-from stagectl.config.patch import Change, check_values, in_si, patched, replace_file
+from stagectl.config.patch import Change, check_values, patched, replace_file
 from stagectl.extras import require
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ class DesignedStage(PrintedResult):
         if not patch.changes:
             return self
         setup = stage_file.load_stage(self.path, text=patch.text)
-        check_values(setup.file, in_si(patch.text, values, lengths))
+        check_values(setup.file, patch)
         return DesignedStage(setup, (*self.changes, *patch.changes))
 
     @checked

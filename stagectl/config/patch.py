@@ -48,10 +48,11 @@ class Change(NamedTuple):
 
 
 class Patched(NamedTuple):
-    """A text that is being changed, and the changes so far."""
+    """A text that is being changed, the changes so far, and all values that were set."""
 
     text: str
     changes: tuple[Change, ...] = ()
+    values: tuple[tuple[str, Any], ...] = ()  # by dotted name, SI
 
 
 class Entry(NamedTuple):
@@ -74,7 +75,7 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
     result = patched(read_text(base), values, Lengths(axis.kind, axis.lead))
     with base.open("rb") as file:
         mark = _MARK if file.read(3) == _MARK else b""
-    replace_file(target, mark + result.text.encode(), lambda path: check_values(load_stage(path).file, values))
+    replace_file(target, mark + result.text.encode(), lambda path: check_values(load_stage(path).file, result))
     return list(result.changes)
 
 
@@ -92,31 +93,10 @@ def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
         if isinstance(value, Mapping):
             result = _with_block(result, name, value, lengths)
         else:
-            result = _with_value(result, Entry(name, _in_si(name, value, hint, lengths), hint, lengths))
+            number = _in_si(name, value, hint, lengths)
+            result = _with_value(result, Entry(name, number, hint, lengths))
+            result = result._replace(values=(*result.values, (name, number)))
     return result
-
-
-def in_si(text: str, values: Mapping[str, Any], lengths: Lengths, within: str = "") -> dict[str, Any]:
-    """`values` for the stage file `text`, with a text such as ``200 mm/s`` as a number in SI.
-
-    They are entries of the block `within`, which ends with a dot.
-    Raises ConfigError where there is no such entry, or the unit does not fit.
-    """
-    root, numbers = yaml_edit.root_of(text), dict(values)
-    for name, value in values.items():
-        hint = None if value is KEPT else _hint_of(f"{within}{name}", root)
-        if isinstance(value, Mapping):
-            numbers[name] = in_si(text, value, lengths, f"{within}{name}.")
-        elif hint is not None:
-            numbers[name] = _in_si(f"{within}{name}", value, hint, lengths)
-    return numbers
-
-
-def _hint_of(name: str, root: yaml.Node) -> Any:
-    """The type hint of an entry; None of the one that says which block it is."""
-    block, _, word = name.rpartition(".")
-    tag = tag_of(hint_at(StageFile, block, root)) if block else None
-    return None if tag is not None and word == tag.key else hint_at(StageFile, name, root)
 
 
 def _in_si(name: str, value: Any, hint: Any, lengths: Lengths) -> Any:
@@ -143,7 +123,7 @@ def _with_block(before: Patched, name: str, values: Mapping[str, Any], lengths: 
     written = {key: value for key, value in values.items() if value is not KEPT}
     rest = {f"{name}.{key}": value for key, value in written.items() if tag is None or key != tag.key}
     inner = patched(result.text, rest, lengths)
-    result = Patched(inner.text, result.changes + inner.changes)
+    result = Patched(inner.text, result.changes + inner.changes, result.values + inner.values)
     for key in old:
         if key not in values:
             result = _without(result, f"{name}.{key}")
@@ -163,7 +143,7 @@ def _with_value(before: Patched, entry: Entry, dated: bool = False) -> Patched:
     if dated:
         text = yaml_edit.dated(text, place.end, old)
     text = yaml_edit.with_value(text, place, node_at(root, entry.name), new)
-    return Patched(text, (*before.changes, Change(entry.name, old, new)))
+    return before._replace(text=text, changes=(*before.changes, Change(entry.name, old, new)))
 
 
 def _with_new(before: Patched, entry: Entry) -> Patched:
@@ -176,14 +156,15 @@ def _with_new(before: Patched, entry: Entry) -> Patched:
         raise ConfigError(Problem(reason, ProblemKind.SHAPE, ".".join(words[:depth])))
     new = worded(entry.value, entry.hint, entry.lengths, "", 2 * len(words) + len(words[-1]))
     text = yaml_edit.with_entry(before.text, parent, words[depth:], new)
-    return Patched(text, (*before.changes, Change(entry.name, "", new)))
+    return before._replace(text=text, changes=(*before.changes, Change(entry.name, "", new)))
 
 
 def _without(before: Patched, name: str) -> Patched:
     root = yaml_edit.root_of(before.text)
     place = yaml_edit.place_of(before.text, root, name)
     old = before.text[place.begin : place.end]
-    return Patched(yaml_edit.without_entry(before.text, root, name), (*before.changes, Change(name, old, "")))
+    text = yaml_edit.without_entry(before.text, root, name)
+    return before._replace(text=text, changes=(*before.changes, Change(name, old, "")))
 
 
 def _short(text: str) -> str:
@@ -193,19 +174,15 @@ def _short(text: str) -> str:
     return f"{words[:40].rsplit(',', 1)[0]}, ... {words.rsplit(',', 1)[-1].strip()}"
 
 
-def check_values(file: StageFile, values: Mapping[str, Any]) -> None:
-    """Raise ConfigError where a stage file that was patched with `values` does not give them."""
-    for name, wanted in values.items():
+def check_values(file: StageFile, patch: Patched) -> None:
+    """Raise ConfigError where a stage file with this patch does not give the values that it sets."""
+    for name, wanted in patch.values:
         read: Any = functools.reduce(getattr, name.split("."), file)
         if not _close(read, wanted):
             raise ConfigError(Problem(f"would be read back as {read!r}, not as {wanted!r}", ProblemKind.VALUE, name))
 
 
 def _close(read: Any, wanted: Any) -> bool:
-    if wanted is KEPT:
-        return True
-    if isinstance(wanted, Mapping):
-        return all(_close(getattr(read, key), value) for key, value in wanted.items() if hasattr(read, key))
     if isinstance(wanted, float):
         return bool(abs(read - wanted) <= SAME_VALUE * abs(wanted))
     if isinstance(wanted, Sequence) and not isinstance(wanted, str):

@@ -145,8 +145,10 @@ class Recordings:
     def _taken(self, running: _Running) -> bool:
         """Whether it was still there to be taken out: `end` may have done so."""
         with self._lock:
-            there = self._running.get(running.axis) is running
-            return there and self._running.pop(running.axis) is running
+            if self._running.get(running.axis) is not running:
+                return False
+            del self._running[running.axis]
+            return True
 
     def _asks_to_end(self, running: _Running) -> None:
         with self._lock:
