@@ -103,12 +103,12 @@ def _lost(setup: Setup, block: str, held: Set[str]) -> Iterator[str]:
     for name, value in part._asdict().items():
         neutral = part._field_defaults.get(name, _NEUTRAL.get(name))
         if name not in held and value != neutral:
-            yield f"{block}.{name} = {_shown(value)} {_meaning(hints[name], setup.file.axis.kind)}"
+            yield f"{block}.{name} = {_shown(value)}{_meaning(hints[name], setup.file.axis.kind)}"
 
 
 def _meaning(hint: Any, kind: str) -> str:
     quantity = quantity_of(hint)
-    return f"{quantity.unit_for(kind)}: {quantity.meaning}".lstrip() if quantity else ""
+    return f" {quantity.unit_for(kind)}".rstrip() + f": {quantity.meaning}" if quantity else ""
 
 
 def _shown(value: Any) -> str:

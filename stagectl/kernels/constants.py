@@ -5,7 +5,7 @@ FOLDBACK_BEGINS = 0.8  # share of the heat at which the current limit begins to 
 
 # Integration of the mechanics.
 LARGEST_ANGLE = 0.15  # rad of the fastest mode in one step; 0.1 % of its frequency (`transmission`)
-STRAIGHT_BELOW = 1e-6  # rad/s | m/s below which the root of the speed goes over into a straight line
+STRAIGHT_BELOW = 1e-6  # rad/s | m/s below which a power of the speed goes over into a straight line
 # rad of the vibration of the inertia on its sticking friction in one step; Verlet diverges at 2, and 0.5 is 1 % of the
 # frequency.  Half as much changes no diagnosis; four times as much lets logs of 100 Hz diverge.
 STICKING_ANGLE = 0.5

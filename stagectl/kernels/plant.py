@@ -114,6 +114,18 @@ class Base(NamedTuple):
     damping: Annotated[float, Quantity("", "[0, 2]", "damping ratio of that mode")] = 0.02
 
 
+class SpeedPower(NamedTuple):
+    """Friction by a power of the speed, next to the linear one: ``effort (|v| / speed)^exponent sgn v``.
+
+    Below 1 it is what bearings and grease have (two thirds: A. Palmgren, Ball and Roller Bearing Engineering, 1959), 2
+    is drag.  A negative effort bends the other way; with an exponent above 1 it takes at most all of the linear part.
+    """
+
+    effort: Annotated[float, Quantity("N m | N", "[-1e6, 1e6]", "friction at `speed`; 0 is neutral")] = 0.0
+    speed: Annotated[float, Quantity("rad/s | m/s", "(0, 1e4]", "speed at which it is `effort`")] = 1.0
+    exponent: Annotated[float, Quantity("", "[0.1, 4]", "power of the speed")] = 2.0
+
+
 class Mechanics(NamedTuple):
     """All that moves, seen at the motor."""
 
@@ -123,12 +135,7 @@ class Mechanics(NamedTuple):
     pitch: Annotated[
         float, Quantity("rad | m", "(0, 1e6]", "travel over which the angle of the harmonics turns once")
     ] = TURN
-    quadratic: Annotated[float, Quantity("N m s^2/rad^2 | N s^2/m^2", "[0, 1e6]", "friction c v |v|; 0 is neutral")] = (
-        0.0
-    )
-    root: Annotated[
-        float, Quantity("N m | N", "[0, 1e6]", "friction c sqrt(|v|) sgn v: that at a speed of 1 rad/s | 1 m/s")
-    ] = 0.0
+    viscous_power: SpeedPower = SpeedPower()
     viscous_asymmetry: Annotated[float, Quantity("", "[-1, 1]", "e of D (1 + e sgn v)")] = 0.0
     viscous_warming: Warming = Warming()
     viscous_step: Step = Step()

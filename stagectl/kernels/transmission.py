@@ -57,7 +57,7 @@ class Coefficients(NamedTuple):
 @kernel
 def neutral(p: Mechanics) -> bool:
     """Whether one inertia with viscous friction is all there is."""
-    smooth = p.quadratic == 0.0 and p.root == 0.0 and p.viscous_asymmetry == 0.0
+    smooth = p.viscous_power.effort == 0.0 and p.viscous_asymmetry == 0.0
     still = p.viscous_warming.rise == 0.0 and p.viscous_step.share == 0.0
     rigid = p.transmission.load_share == 0.0 or p.transmission.resonance == 0.0
     return smooth and still and rigid and p.base.ratio == 0.0 and free(p)
@@ -102,12 +102,15 @@ def coefficients(p: Mechanics, time: float, h: float) -> Coefficients:
 
 @kernel
 def viscous(p: Mechanics, c: Coefficients, v: float) -> float:
-    """Friction over velocity at `v`: ``D (1 + e sgn v) + c_2 |v| + c / sqrt(|v|)``."""
+    """Friction over velocity at `v`: ``D (1 + e sgn v) + c |v / v_c|^n / |v|``."""
     damping = c.viscous[1] if v > 0.0 else c.viscous[0]
-    damping += p.quadratic * abs(v)
-    if p.root != 0.0:
-        damping += p.root / math.sqrt(abs(v) + STRAIGHT_BELOW)
-    return damping
+    power = p.viscous_power
+    if power.effort == 0.0:
+        return damping
+    ratio = (abs(v) + STRAIGHT_BELOW) / power.speed
+    damping += power.effort / power.speed * ratio ** (power.exponent - 1.0)
+    # Far above the speeds at which it was fitted, a falling power must not drive the axis.
+    return max(damping, 0.0) if power.exponent > 1.0 else damping
 
 
 @kernel

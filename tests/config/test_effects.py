@@ -19,7 +19,7 @@ from stagectl.drives.drive import Power
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import effects, stage
 from stagectl.kernels.effects import Harmonic, Step, Warming
-from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, Transmission
+from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, SpeedPower, Transmission
 from stagectl.problem import ProblemKind
 from stagectl.recording import nominal_yaml
 from stagectl.simulation import noise
@@ -38,8 +38,7 @@ ADDED = {
   ripple_second: {amplitude: 0.5 %, order: 48}""",
     "viscous: 0.14 N m s/rad": """
   pitch: 12 mm
-  quadratic: 0.1 mN m s^2/rad^2
-  root: 10 mN m
+  viscous_power: {effort: 10 mN m, speed: 40 rad/s, exponent: 0.67}
   viscous_asymmetry: 5 %
   viscous_warming: {rise: 30 %, time: 10 min}
   viscous_step: {share: 10 %, at: 2 s}
@@ -123,6 +122,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
         "viscous_step": Step(0.1, 2.0),
         "cable": Cable(0.01, 10e-3 * RADIAN, 0.05, 3e-3 * RADIAN),
         "transmission": Transmission(0.4, 300.0, 0.03, 2e-6 * RADIAN, 0.7),
+        "viscous_power": SpeedPower(0.01, 40.0, 0.67),
         "base": Base(0.05, 20.0, 0.02),
         "dwell": Dwell(0.03, 0.1, 4e-6 * RADIAN),
         "along": Along(0.02, 0.001, 5e-3 * RADIAN),
@@ -134,7 +134,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
     }
     for name, value in expected.items():
         assert tuple(values[name]) == pytest.approx(tuple(value), rel=1e-12), name
-    numbers = {"pitch": turn, "quadratic": 1e-4, "root": 0.01, "viscous_asymmetry": 0.05, "lag": 5e-3, "load": 0.02}
+    numbers = {"pitch": turn, "viscous_asymmetry": 0.05, "lag": 5e-3, "load": 0.02}
     numbers |= {"asymmetry": 0.05, "dead_time": 7e-4, "jitter": 2e-5, "offset": 0.02, "continuous_current": 5.0}
     numbers |= {"foldback_time": 2.0, "voltage_limit": 48.0, "resistance": 1.1, "back_emf": 0.48}
     numbers |= {"gain": -0.1, "gain_asymmetry": 0.04, "directed_offset": 0.03}

@@ -51,10 +51,11 @@ def test_stop_operators_take_no_bristle(tmp_path: Path) -> None:
 
 def test_a_bristle_gives_back_what_belongs_to_an_effect(tmp_path: Path) -> None:
     """Without the effect the baseline fit bends a bristle to it; beside the effect that bristle is not wanted."""
-    session, e = fitted({"mechanics.root": 0.25}, tmp_path)
+    session, e = fitted({"mechanics.viscous_power": {"effort": 0.25, "exponent": 0.5}}, tmp_path)
     taken = e.base.model.stage.friction.bristle.coulomb
     effect = next(one for one in definitions(diagnose.scales_of(session, e)) if one.name == "viscous_nonlinear")
-    after = refine.refine(e, e.base.model, [EffectValues(effect, {"size": 0.1, "root": 1.0})], 20)
-    root = after.equipped.stage.mechanics.root
+    after = refine.refine(e, e.base.model, [EffectValues(effect, {"size": 0.1, "exponent": 0.5})], 20)
+    power = after.equipped.stage.mechanics.viscous_power
     assert taken > 0.3 and after.model.stage.friction.bristle.coulomb < 0.2 * taken
-    assert root == pytest.approx(0.25, rel=0.05)
+    at_one = power.effort * power.speed**-power.exponent
+    assert power.exponent == pytest.approx(0.5, abs=0.03) and at_one == pytest.approx(0.25, rel=0.05)

@@ -109,14 +109,14 @@ def test_the_bristles_hold_what_the_operators_hold(ball_screw: Setup) -> None:
 def test_what_is_lost_is_said(ball_screw: Setup) -> None:
     p = ball_screw.stage._replace(
         motor=ball_screw.stage.motor._replace(ripple=Harmonic(0.02, 6.0)),
-        mechanics=ball_screw.stage.mechanics._replace(quadratic=0.01),
+        mechanics=ball_screw.stage.mechanics._replace(viscous_asymmetry=0.01),
         friction=ball_screw.stage.friction._replace(asymmetry=0.1),
     )
     words = lost(ball_screw._replace(stage=p), mujoco_model.HELD)
     assert [line.split(" = ")[0] for line in words] == [
-        "drive.current_quantum", "motor.ripple", "mechanics.quadratic", "friction.asymmetry", "encoder.step",
+        "drive.current_quantum", "motor.ripple", "mechanics.viscous_asymmetry", "friction.asymmetry", "encoder.step",
     ]  # fmt: skip
-    assert words[2] == "mechanics.quadratic = 0.01 N m s^2/rad^2: friction c v |v|; 0 is neutral"
+    assert words[2] == "mechanics.viscous_asymmetry = 0.01: e of D (1 + e sgn v)"
 
 
 def test_what_is_held_are_entries_of_the_plant(ball_screw: Setup) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stagectl.kernels import effects, jit, stage
 from stagectl.kernels.effects import Harmonic, Step, Table, Warming
-from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, Transmission
+from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, SpeedPower, Transmission
 
 RIGID = Transmission()
 
@@ -32,7 +32,9 @@ def motor(p: stage.Motor) -> stage.Motor:
 
 
 def mechanics(p: stage.Mechanics, transmission: Transmission) -> stage.Mechanics:
-    curved = p._replace(quadratic=1e-4, root=0.02, viscous_asymmetry=0.05, viscous_warming=Warming(0.3, 600.0))
+    curved = p._replace(
+        viscous_power=SpeedPower(0.04, 4.0, 0.5), viscous_asymmetry=0.05, viscous_warming=Warming(0.3, 600.0)
+    )
     beside = curved._replace(viscous_step=Step(0.1, 0.05), cable=Cable(0.01, 0.2, 0.05, 1.0), transmission=transmission)
     return beside._replace(base=Base(0.05, 20.0, 0.02), gravity=Harmonic(0.05, 1.0, 0.4))
 

@@ -15,7 +15,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.kernels import effects, friction, friction_bristle, friction_effects, jit, stage
 from stagectl.kernels import plant_with_effects as kernels
 from stagectl.kernels.effects import Harmonic, Step, Table, Warming
-from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, Transmission
+from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, SpeedPower, Transmission
 from tests.conftest import ROOT, SOURCES
 from tests.kernels.affected import affected
 
@@ -91,13 +91,13 @@ def test_what_only_shapes_a_neutral_effect_changes_no_bit(ball_screw: Setup) -> 
 
 def test_quadratic_friction_slows_down_hyperbolically() -> None:
     """v = v0 / (1 + c v0 t / J)."""
-    p = mechanics(plant(0.0), quadratic=2e-3)
+    p = mechanics(plant(0.0), viscous_power=SpeedPower(2e-3 * 10.0**2, 10.0, 2.0))
     assert run(p, 0.0, 0.1, moving(p, 20.0)).velocity == pytest.approx(20.0 / (1.0 + 2e-3 * 20.0 * 0.1 / J), rel=1e-4)
 
 
 def test_friction_of_the_root_slows_down_parabolically() -> None:
     """Root of v = root of v0 - c t / (2 J)."""
-    p = mechanics(plant(0.0), root=0.2)
+    p = mechanics(plant(0.0), viscous_power=SpeedPower(0.2, 1.0, 0.5))
     expected = (math.sqrt(20.0) - 0.2 * 0.1 / (2.0 * J)) ** 2
     assert run(p, 0.0, 0.1, moving(p, 20.0)).velocity == pytest.approx(expected, rel=1e-4)
     assert abs(run(p, 0.0, 1.0, moving(p, 20.0)).velocity) < 1e-4  # and it stands at last

@@ -10,13 +10,13 @@ from stagectl.gap.effects.stage_changes import (
     coulomb,
     decay,
     filled,
-    get,
     harmonic,
     harmonic_parameters,
     put,
     scaled,
     stretched,
 )
+from stagectl.kernels.plant import SpeedPower
 from stagectl.kernels.stage import Stage
 
 _EFFORT, _STIFFNESS = "N m | N", "N m/rad | N/m"
@@ -26,12 +26,12 @@ _TRANSMISSION = ("load_share", "load_friction", "resonance", "damping")
 
 def _viscous_nonlinear(s: Scales) -> Parameters:
     def apply(p: Stage, v: Values) -> Stage:
-        """`size`: share of the viscous friction at the largest speed that follows its square or its root."""
+        """`size`: what the power of the speed adds at the largest speed, as a share of the viscous friction there."""
         effort = v["size"] * s.viscous * s.speed
-        place, scale = ("root", s.speed**0.5) if v["root"] else ("quadratic", s.speed**2)
-        return put(p, f"mechanics.{place}", get(p.mechanics, place) + effort / scale)
+        return put(p, "mechanics.viscous_power", SpeedPower(effort, s.speed, v["exponent"]))
 
-    return Parameters((Amplitude("size", "", (0.2,), 0.0, 2.0),), (Shape("root", "", (0.0, 1.0), False),), apply)
+    exponent = Shape("exponent", "", grids.SPEED_EXPONENTS, True, 0.2, 4.0)
+    return Parameters((Amplitude("size", "", (0.2,), -1.0, 2.0),), (exponent,), apply)
 
 
 def _cable_spring(s: Scales) -> Parameters:

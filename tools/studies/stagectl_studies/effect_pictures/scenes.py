@@ -100,7 +100,7 @@ def _friction() -> tuple[Scene, ...]:
     return (
         _scene("coulomb_asymmetry", "stairs", "velocity", {"size": 0.05}),
         _scene("viscous_asymmetry", "stairs", "velocity", {"size": 0.15}),
-        _scene("viscous_nonlinear", "stairs", "velocity", {"size": 0.2, "root": 0.0}),
+        _scene("viscous_nonlinear", "stairs", "velocity", {"size": 0.2, "exponent": 2.0}),
         _scene("stribeck", "stairs-creep", "speed", {"rise": 0.2, "velocity": 1.5e3 * UM, "shape": 1.0}),
         _scene(
             "friction_lag",
