@@ -6,7 +6,7 @@ import math
 
 from stagectl.kernels.constants import FOLDBACK_BEGINS
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Drive, Line, Reported
+from stagectl.kernels.plant import Drive, Line
 
 
 @kernel
@@ -98,10 +98,23 @@ def limited(p: Drive, command: float, limit: float, velocity: float) -> float:
 
 
 @kernel
-def reported(p: Reported, current: float, before: float, dt: float) -> float:
-    """Current (A) that the drive reports; `before` is that of a period `dt` ago.  Straight between the two."""
+def reported(drive: Drive, current: float, before: float, dt: float) -> float:
+    """Current (A) that the drive reports; `before` is that of a period `dt` ago.
+
+    Between the two it approached its command with the current loop's lag; straight where the drive has none.
+    """
+    p = drive.telemetry
     if p.late > 0.0:
-        current += min(p.late / dt, 1.0) * (before - current)
+        current += _still_to_come(min(p.late / dt, 1.0), drive.current_lag / dt) * (before - current)
     if p.gain == 0.0 and p.offset == 0.0:
         return current
     return current * (1.0 + p.gain) + p.offset
+
+
+@kernel
+def _still_to_come(late: float, lag: float) -> float:
+    """Share of a period's change that had not come yet `late` before its end, with a `lag`; both in periods."""
+    if lag == 0.0:
+        return late
+    left = math.exp(-1.0 / lag)
+    return (math.exp(-(1.0 - late) / lag) - left) / (1.0 - left)

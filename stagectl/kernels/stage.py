@@ -225,7 +225,7 @@ def period(p: Stage, x: State, command: float, noise: Noise, dt: float, substeps
 @kernel
 def reported(p: Drive, x: State, dt: float) -> float:
     """Motor current as the drive reports it (A), in control periods of `dt` (s)."""
-    return drive_effects.reported(p.telemetry, x.current, x.memory.before, dt)
+    return drive_effects.reported(p, x.current, x.memory.before, dt)
 
 
 @kernel

@@ -108,9 +108,11 @@ def viscous(p: Mechanics, c: Coefficients, v: float) -> float:
     if power.effort == 0.0:
         return damping
     ratio = (abs(v) + STRAIGHT_BELOW) / power.speed
-    damping += power.effort / power.speed * ratio ** (power.exponent - 1.0)
+    damping += power.effort / power.speed * math.pow(ratio, power.exponent - 1.0)
     # Far above the speeds at which it was fitted, a falling power must not drive the axis.
-    return max(damping, 0.0) if power.exponent > 1.0 else damping
+    if power.exponent > 1.0:
+        damping = max(damping, 0.0)
+    return damping
 
 
 @kernel

@@ -244,6 +244,15 @@ def test_the_drive_reports_late_scaled_and_shifted() -> None:
     assert stage.reported(p.drive, x, DT) == pytest.approx((0.75 * 3.0 + 0.25 * 1.0) * 1.02 + 0.1)
 
 
+@pytest.mark.parametrize("late", [0.25, 0.5, 0.9])
+def test_a_late_report_is_the_current_that_flowed_then(late: float) -> None:
+    """``i(t) = 3 - 2 exp(-t / lag)`` within a period, read `late` before its end."""
+    lag = 0.4 * DT
+    p = drive(plant(), current_lag=lag, telemetry=Reported(late=late * DT))
+    x = stage.period(p, run(p, 1.0, 0.1), 3.0, stage.SILENT, DT, 10)
+    assert stage.reported(p.drive, x, DT) == pytest.approx(3.0 - 2.0 * math.exp(-(1.0 - late) * DT / lag), rel=1e-6)
+
+
 # --- friction ---
 
 

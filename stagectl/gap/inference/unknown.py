@@ -20,7 +20,7 @@ from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
-from stagectl.gap.selection.linearised import Library
+from stagectl.gap.selection.linearised import Cuts, Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
 
@@ -40,6 +40,15 @@ def functions(e: Evidence, size: Scales, library: Library) -> BasisColumns:
     names = [*e.base.products.names, *null_ensemble.member_names(library.products.names)]
     filtering = basis_functions.ResidualFilter(e.base.model, e.base.noise)
     return basis_functions.functions(filtering, e.runs, size, gram_matrices.selected(library.products, names))
+
+
+def predicted(e: Evidence, now: Fitted, smooth: BasisColumns) -> Cuts:
+    """What would be named an unknown of `now`: in the mechanics by an order, in the drive by repeating; else 0."""
+    if not refine.repeated(e):
+        return largest(e, now, smooth), 0.0
+    own = shape_fits.own_columns(e, now)
+    residual = unstructured_residual.mean_residual(now, gram_matrices.with_columns(smooth.known, own))
+    return largest(e, now, smooth), unstructured_residual.drive_excess(e, residual) * repeats_of(e)
 
 
 def largest(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:

@@ -68,9 +68,22 @@ def in_a_band(e: Evidence, rows: FreeRows, least: float) -> UnknownTerm | None:
 
 def in_the_drive(e: Evidence, residual: MeanResidual) -> UnknownTerm | None:
     """A current that repeats and that neither the model of the drive nor a delay of the record explains."""
+    after = drive_excess(e, residual)
+    if not after:
+        return None
+    power = powers(e, free_rows(e, residual, DRIVE).residual) - powers(e, _noise(e, DRIVE))
+    share = min(after / (after + float(floor_of_means(e)[1])), 1.0)
+    return UnknownTerm(BANDS, *_spectrum(e, power, DRIVE), share, block="drive")
+
+
+def drive_excess(e: Evidence, residual: MeanResidual) -> float:
+    """Sum of squares of the current that repeats, and that neither the drive's model nor a delay explains.
+
+    0 where it is no more than noise and an error of form leave.
+    """
     gram = residual.grams.current.sum(axis=0)
     if not gram[-1, -1] > 0.0:
-        return None
+        return 0.0
     floor, names = float(floor_of_means(e)[1]), residual.known.names
     own = [f"{named.effect.name}." for named in residual.fitted.effects if named.effect.block == "drive"]
     nuisances = [k for k, name in enumerate(names) if name == "time_shift" or name.startswith(tuple(own))]
@@ -78,11 +91,8 @@ def in_the_drive(e: Evidence, residual: MeanResidual) -> UnknownTerm | None:
     gram_before = gram_matrices.fold_sums(residual.known, means(e.base.after)).current.sum(axis=0)
     after = least_squares.fit(gram, nuisances).residual_sum_of_squares - floor
     before = least_squares.fit(gram_before, shift).residual_sum_of_squares - floor
-    if after < max(thresholds.DRIVE_OF_NOISE * floor, thresholds.DRIVE_OF_FORM * before):
-        return None
-    power = powers(e, free_rows(e, residual, DRIVE).residual) - powers(e, _noise(e, DRIVE))
-    share = min(after / (after + floor), 1.0)
-    return UnknownTerm(BANDS, *_spectrum(e, power, DRIVE), share, block="drive")
+    small = after < max(thresholds.DRIVE_OF_NOISE * floor, thresholds.DRIVE_OF_FORM * before)
+    return 0.0 if small else after
 
 
 def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: float) -> UnknownTerm | None:

@@ -19,6 +19,7 @@ from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
 from stagectl.gap.residuals.thresholds import DIVERGED, KEPT, SENSITIVITY_SUBSTEPS, SUBSTEPS
 from stagectl.gap.residuals.whitening import Whitener, whitened
 from stagectl.kernels import feedback, tracked_model
+from stagectl.kernels.fields import put
 from stagectl.kernels.stage import Stage
 from stagectl.parallel import in_parallel
 
@@ -47,21 +48,32 @@ def model_of(session: Session, stage: Stage) -> TrackedModel:
 
 
 def model_residual(p: TrackedModel, path: MeasuredPath, substeps: int = SUBSTEPS, load: float = 0.0) -> ModelResidual:
-    """The residual along `path`, with the logged current moved back to the instants of the position."""
+    """The residual along `path`, with the logged current at the instants at which it was taken."""
     if p.shift:
-        path = path._replace(rows=_current_earlier(path.rows, p.shift / path.dt))
+        p, path = _current_in_time(p, path)
     return model_tracking.tracking_residual(tracked_model.Tied(p.stage, p.tracker), path, substeps, load)
 
 
-def _current_earlier(rows: Array, samples: float) -> Array:
-    """`rows` with the current that was logged `samples` later, by linear interpolation.
+def _current_in_time(p: TrackedModel, path: MeasuredPath) -> tuple[TrackedModel, MeasuredPath]:
+    """The log's current moved by whole samples, and the model's report late by the rest.
 
-    Where no other current than the command is known, it is that one.
+    A current that follows steps of a command is no straight line between two samples: the model knows what it is there.
+    Where no other current than the command is known, that is moved, by linear interpolation.
     """
-    count, whole, logged = len(rows), math.floor(samples), 0 if np.isnan(rows[:, 2]).all() else 2
-    held = np.pad(rows[:, logged], abs(whole) + 1, mode="edge")[abs(whole) + 1 + whole :]
+    if np.isnan(path.rows[:, 2]).all():
+        return p, path._replace(rows=_earlier(path.rows, 0, p.shift / path.dt))
+    late = p.stage.drive.telemetry.late + p.shift
+    whole = math.floor(late / path.dt)
+    stage = put(p.stage, "drive.telemetry.late", late - whole * path.dt)
+    return p._replace(stage=stage), path._replace(rows=_earlier(path.rows, 2, whole))
+
+
+def _earlier(rows: Array, column: int, samples: float) -> Array:
+    """`rows` with the value of a column that was logged `samples` later, by linear interpolation."""
+    count, whole = len(rows), math.floor(samples)
+    held = np.pad(rows[:, column], abs(whole) + 1, mode="edge")[abs(whole) + 1 + whole :]
     rows = rows.copy()
-    rows[:, logged] = held[:count] + (samples - whole) * (held[1 : count + 1] - held[:count])
+    rows[:, column] = held[:count] + (samples - whole) * (held[1 : count + 1] - held[:count])
     return rows
 
 

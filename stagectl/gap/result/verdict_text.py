@@ -187,9 +187,9 @@ def _distance(result: DiagnosisResult) -> str:
 
 
 def _shrinks(result: DiagnosisResult) -> bool:
-    """Whether the gap of the held-out runs decreases significantly; true where its interval is not known."""
+    """Whether the gap of the held-out runs decreases: significantly, where its interval is known."""
     _, gap = headline(result)
-    return not gap.low <= 0.0
+    return gap.after < gap.before if np.isnan(gap.low) else gap.low > 0.0
 
 
 def headline(result: DiagnosisResult) -> tuple[str, Gap]:

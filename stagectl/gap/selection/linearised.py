@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,8 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 
 WIDER = {effect.name: effect.generalisations for effect in EFFECTS.values() if effect.generalisations}
 Cuts = tuple[float, float]  # of the residual effort and of the missing current
+# Sums of squares of a model's residuals that repeat and have an order, so that an unknown would be named.
+Predicted = Callable[[Evidence, Fitted], Cuts]
 
 
 class Library(NamedTuple):
@@ -38,6 +40,7 @@ class Library(NamedTuple):
     forms: tuple[Form, ...]
     products: gram_matrices.Products
     excess: Cuts  # sum of squares above the floor that the nuisances leave of the baseline fit
+    predicted: Predicted = lambda *_: (0.0, 0.0)
 
 
 class Linearised(NamedTuple):
@@ -64,8 +67,13 @@ def library_of(e: Evidence, forms: Sequence[Form], products: gram_matrices.Produ
     return Library(tuple(forms), products, left_of(g, parameters(e, now, g), products, now))
 
 
-def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | None = None) -> Linearised:
-    """The sets that may join `now`, compared; `out` is an effect that was just taken out of it, with its values."""
+def linearised(
+    e: Evidence, library: Library, now: Fitted, out: EffectValues | None = None, traces: bool = True
+) -> Linearised:
+    """The sets that may join `now`, compared; `out` is an effect that was just taken out of it, with its values.
+
+    Without `traces`, effects of any size count.
+    """
     refined = () if out is None else (as_form(out),)
     columns = [*refine.parameters(now), *(each for form in refined for each in candidates.directions(form))]
     more = sensitivities.all_columns(now.equipped, e.runs, columns, e.base.noise)
@@ -74,7 +82,8 @@ def linearised(e: Evidence, library: Library, now: Fitted, out: EffectValues | N
     forms = tuple(form for form in (*library.forms, *refined) if form.effect.name not in present)
     tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
     nuisances = parameters(e, now, g)
-    start = _start(g, [*nuisances, usual_sizes.immaterial(library.forms, g.places)], library.excess, strokes(e))
+    small = [usual_sizes.immaterial(library.forms, g.places)] if traces else []
+    start = _start(g, [*nuisances, *small], library.excess, strokes(e))
     left = left_of(g, nuisances, library.products, now)
     return Linearised(start, tried, forms, left, compare(start, tried, WIDER))
 

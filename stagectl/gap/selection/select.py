@@ -7,6 +7,9 @@
             +-------------------- while the set grows, and the fit confirms it <---------------+
 
 Then every effect is taken out in turn and compared with all others in its place: its probability, its rivals.
+
+Every machine has a trace of everything, so that a small effect is no finding.  But where something is missing that
+repeats and has an order, what explains it is no trace, however small it is: nothing is called unknown before.
 """
 
 from __future__ import annotations
@@ -21,11 +24,10 @@ from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import candidates, constants, linearised, refine
 from stagectl.gap.selection.candidates import EffectValues
-from stagectl.gap.selection.linearised import Library, Linearised
+from stagectl.gap.selection.linearised import Cuts, Library, Linearised
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 Say = Callable[[str], None]
-Predictable = Callable[[Fitted], float]  # sum of squares that the best function of one coordinate predicts
 
 
 class Selection(NamedTuple):
@@ -39,7 +41,7 @@ class Selection(NamedTuple):
     rivals: dict[str, dict[str, EffectValues]]  # the comparable alternatives, with their values
 
 
-def select(e: Evidence, library: Library, say: Say, predictable: Predictable) -> Selection:
+def select(e: Evidence, library: Library, say: Say) -> Selection:
     """The effects that are in the data; `say` reports what is added and dropped.
 
     Mechanical effects end where a function of one coordinate predicts far more of the residuals than the best set of
@@ -47,19 +49,49 @@ def select(e: Evidence, library: Library, say: Say, predictable: Predictable) ->
     """
     now = refine.start(e)
     while len(now.effects) < constants.MOST_EFFECTS:
-        at = linearised.linearised(e, library, now)
-        added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
-        after = _grown(e, now, added)
-        if after is not None and any(valued.effect.block != DRIVE for valued in added):
-            explained = at.excess[0] - linearised.excess(e, library, after)[0]
-            if explained < constants.ADEQUATE * predictable(now):
-                after = _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE])
+        after = _with_more(e, library, now) or _with_small(e, library, now)
         if after is None:
             break
         present = {valued.effect.name for valued in now.effects}
         say(f"added {', '.join(v.effect.name for v in after.effects if v.effect.name not in present)}")
         now = after
     return established(e, library, now, say)
+
+
+def _with_more(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
+    """`now` with the most probable set of effects; None where that is empty, or does not fit."""
+    at = linearised.linearised(e, library, now)
+    added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
+    after = _grown(e, now, added)
+    if after is not None and any(valued.effect.block != DRIVE for valued in added):
+        left, predicted = linearised.excess(e, library, after), library.predicted(e, now)
+        if predicted[0] and not _adequate(at.excess[0], left[0], predicted[0]):
+            return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE])
+    return after
+
+
+def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
+    """`now` with one effect of whatever size that explains most of what is missing; None where nothing is or does."""
+    predicted = library.predicted(e, now)
+    if not any(predicted):
+        return None
+    at = linearised.linearised(e, library, now, traces=False)
+    singles = {item: p for item, p in at.verdict.of_sets().items() if len(item) == 1}
+    single = max(singles, key=singles.__getitem__, default=frozenset[str]())
+    if singles.get(single, 0.0) <= _empty(at):
+        return None
+    after = _grown(e, now, at.values(at.verdict.best(single)))
+    explains = after is not None and _explains(at.excess, linearised.excess(e, library, after), predicted)
+    return after if explains else None
+
+
+def _explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
+    """Whether what is left falls by most of what is `predicted`, in one of the cuts of which anything is."""
+    return any(p and _adequate(b, a, p) for b, a, p in zip(before, after, predicted, strict=True))
+
+
+def _adequate(before: float, after: float, predicted: float) -> bool:
+    return before - after >= constants.ADEQUATE * min(predicted, before)
 
 
 def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues]) -> Fitted | None:
@@ -72,8 +104,8 @@ def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues]) -> Fitted | 
 
 
 def _resonant(e: Evidence, now: Fitted, valued: EffectValues) -> EffectValues:
-    """Initial values of an effect: as they are, or the best place on the grid of a resonance."""
-    if not valued.effect.resonant:
+    """Initial values of an effect: as they are, or the best place on the grid where its columns bend on the way."""
+    if not (valued.effect.resonant or valued.effect.nonlinear):
         return valued
     forms = candidates.forms([valued.effect])
     places = [EffectValues(valued.effect, form.values(form.typical)) for form in forms]
@@ -96,22 +128,45 @@ def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> li
 def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
     """Every effect of `now` taken out in turn; the one whose place is most probably empty is dropped, then the next.
 
-    What a simulation makes no larger than a trace is dropped first, whatever the evidence around the model says of it.
+    What a simulation makes no larger than a trace is dropped first, whatever the evidence around the model says of it,
+    but for what would be missing without it.
     """
-    if trace := next((valued.effect.name for valued in now.effects if is_trace(valued)), ""):
-        return dropped(e, library, now, trace, say)
     left = linearised.excess(e, library, now)
+    small = (valued for valued in now.effects if is_trace(valued) and not _is_material(e, library, now, valued))
+    if trace := next(small, None):
+        return dropped(e, library, now, trace.effect.name, say)
     selection = Selection(now, left, {}, {}, {}, {})
     empty: dict[str, float] = {}
     for valued in now.effects:
-        at = linearised.linearised(e, library, without(e, now, valued), valued)
+        at = _in_the_place_of(e, library, now, valued)
         selection.gains[valued.effect.name] = sum(at.excess) - sum(left)
-        empty[valued.effect.name] = at.verdict.of_sets().get(frozenset(), 0.0)
+        empty[valued.effect.name] = _empty(at)
         _enter(selection, at, valued.effect.name)
     weak = max(empty, key=empty.__getitem__, default="")
     if not weak or empty[weak] <= 1.0 - constants.KEPT:
         return selection
     return dropped(e, library, now, weak, say)
+
+
+def _in_the_place_of(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> Linearised:
+    """The sets that may stand in the place of an effect of `now`; it is no trace where it explains what is missing."""
+    rest = without(e, now, valued)
+    at = linearised.linearised(e, library, rest, valued)
+    if _empty(at) <= 1.0 - constants.KEPT or not _is_material(e, library, now, valued):
+        return at
+    return linearised.linearised(e, library, rest, valued, traces=False)
+
+
+def _empty(at: Linearised) -> float:
+    return at.verdict.of_sets().get(frozenset(), 0.0)
+
+
+def _is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:
+    """Whether most of what is missing without the effect `valued` of `now` is explained by it."""
+    rest = without(e, now, valued)
+    predicted = library.predicted(e, rest)
+    before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
+    return any(predicted) and _explains(before, after, predicted)
 
 
 def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:

@@ -17,7 +17,7 @@ from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.half_strokes import by_experiment, half_strokes, known_from, spans
 from stagectl.gap.result.diagnosis import Gap, Trace
 from stagectl.gap.validation.rollouts import column
-from stagectl.gap.validation.thresholds import BOOTSTRAP_RESAMPLES
+from stagectl.gap.validation.thresholds import BOOTSTRAP_RESAMPLES, LEAST_RESAMPLES
 
 
 class JudgedLog(NamedTuple):
@@ -117,7 +117,9 @@ def gap(before: StrokeSums, after: StrokeSums, least: StrokeSums, unit: str, exp
     whole = _closure(*(part.squares.sum() for part in sums))
     strokes = len(before.squares)
     picks = np.random.default_rng(1).integers(0, strokes, (BOOTSTRAP_RESAMPLES, strokes))
-    low, high = np.quantile(_closure(*(part.squares[picks].sum(1) for part in sums)), [0.025, 0.975])
+    resampled = _closure(*(part.squares[picks].sum(1) for part in sums))
+    known = np.isfinite(resampled).mean() >= LEAST_RESAMPLES
+    low, high = np.nanquantile(resampled, [0.025, 0.975]) if known else (np.nan, np.nan)
     return Gap(rms[0], rms[1], rms[2], unit, float(whole), float(low), float(high), expected)
 
 
@@ -130,7 +132,10 @@ def worse(p: Gap, factor: float) -> Gap:
 
 
 def _closure(before: Array, after: Array, least: Array) -> Array:
-    return 1.0 - (after - least) / np.maximum(before - least, 1e-300)
+    """NaN where nothing lies above the floor: there is nothing to close."""
+    whole = np.where(before > least, before - least, np.nan)
+    closed: Array = 1.0 - (after - least) / whole
+    return closed
 
 
 def traces(

@@ -6,6 +6,8 @@ from __future__ import annotations
 SUBSTEPS = 10
 # Chosen.  Resamples of the half strokes, for the interval of the closure.
 BOOTSTRAP_RESAMPLES = 400
+# Share of them with a gap above the floor; from the interval's 95 %.  With fewer the closure has no interval.
+LEAST_RESAMPLES = 0.975
 # Squared gap over the smallest of all models; chosen.  A richer model is taken where its gap is not larger than this.
 NEARLY_CLOSEST = 1.05
 # Times the floor; measured: of 72 machines without an effect, 24 with another friction law, none was beyond 2.3.  A

@@ -67,6 +67,15 @@ def test_the_closure_counts_above_the_floor() -> None:
     assert (gap.unit, gap.predicted) == ("rad", 0.5)
 
 
+def test_nothing_above_the_floor_has_no_closure() -> None:
+    """Before and after are noise: their difference over nothing is no share, and no interval holds it."""
+    sums = [StrokeSums(np.array(squares), np.ones(4)) for squares in ([1.0, 2.0] * 2, [1.0, 2.0] * 2, [2.0, 1.0] * 2)]
+    below = held_out_gap.gap(sums[0], sums[1], sums[2], "m")
+    assert np.isnan([below.closure, below.low, below.high]).all()
+    barely = held_out_gap.gap(sums[0]._replace(squares=np.array([1.0, 2.0, 1.0, 2.5])), sums[1], sums[2], "m")
+    assert np.isfinite(barely.closure) and np.isnan([barely.low, barely.high]).all()
+
+
 def test_the_interval_of_the_closure_widens_with_the_scatter_of_the_half_strokes() -> None:
     """One half stroke in two closes wholly, the other not at all: 1/2, and by sampling 20 of them +- 2 sqrt(1/80)."""
     after = StrokeSums(np.tile([0.0, 100.0], 10), np.full(20, 10.0))
