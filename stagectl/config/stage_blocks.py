@@ -77,6 +77,7 @@ class Drive(NamedTuple):
     gain: plant.Gain = 0.0
     gain_asymmetry: plant.GainAsymmetry = 0.0
     directed_offset: plant.DirectedOffset = 0.0
+    current_damping: plant.LoopDamping = math.inf
 
 
 class Realtime(NamedTuple):

@@ -1,6 +1,8 @@
 """Numbers that decide something in the plant and its friction.  Chosen, not derived, unless a line says otherwise."""
 
 # The drive.
+FIRST_ORDER = 5.0  # damping ratio from which the current loop has one lag: the other is 1 % of it
+EQUAL_POLES = 1e-6  # rad between the poles of a second order, below which they are equal; rounding
 FOLDBACK_BEGINS = 0.8  # share of the heat at which the current limit begins to fall
 
 # Integration of the mechanics.

@@ -3,10 +3,54 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from stagectl.kernels.constants import FOLDBACK_BEGINS
+from stagectl.kernels import effects
+from stagectl.kernels.constants import EQUAL_POLES, FIRST_ORDER, FOLDBACK_BEGINS
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import Drive, Line
+
+
+class Loop(NamedTuple):
+    """What a time makes of the current's error (A) and of its rate (A/s) under a constant command, exactly."""
+
+    error: tuple[float, float]  # later error, of error and rate
+    rate: tuple[float, float]  # later rate
+    mean: tuple[float, float]  # mean error on the way
+
+
+@kernel
+def loop(p: Drive, time: float) -> Loop:
+    """The current loop over `time` (s): ``1 / (1 + T s + (T s / 2 zeta)^2)``, whose lag T is that of a first order."""
+    none = (0.0, 0.0)
+    if p.current_lag == 0.0:
+        return Loop(none, none, none)
+    if p.current_damping >= FIRST_ORDER:
+        decay, mean = effects.decayed(time / p.current_lag)
+        return Loop((decay, 0.0), none, (mean, 0.0))
+    stiffness = (2.0 * p.current_damping / p.current_lag) ** 2
+    damping = 0.5 * stiffness * p.current_lag
+    even, odd = _second_order(damping, stiffness, time)
+    error, rate = (even + damping * odd, odd), (-stiffness * odd, even - damping * odd)
+    over = 1.0 / (stiffness * time)
+    by_error = over * (2.0 * damping * (1.0 - error[0]) - rate[0])
+    by_rate = over * (1.0 - rate[1] - 2.0 * damping * odd)
+    return Loop(error, rate, (by_error, by_rate))
+
+
+@kernel
+def _second_order(damping: float, stiffness: float, time: float) -> tuple[float, float]:
+    """``exp(-a t) (cos w t, sin w t / w)`` of ``x'' + 2 a x' + k x = 0``, with w^2 = k - a^2 of either sign."""
+    square = stiffness - damping * damping
+    turn = math.sqrt(abs(square))
+    if turn * time < EQUAL_POLES:
+        decay = math.exp(-damping * time)
+        return decay, decay * time
+    if square > 0.0:
+        decay = math.exp(-damping * time)
+        return decay * math.cos(turn * time), decay * math.sin(turn * time) / turn
+    slow, fast = math.exp((turn - damping) * time), math.exp(-(turn + damping) * time)
+    return 0.5 * (slow + fast), 0.5 * (slow - fast) / turn
 
 
 @kernel
@@ -19,6 +63,7 @@ def neutral(p: Drive) -> bool:
         and p.gain == 0.0
         and p.gain_asymmetry == 0.0
         and p.directed_offset == 0.0
+        and p.current_damping >= FIRST_ORDER
         and p.continuous_current == math.inf
         and p.voltage_limit == math.inf
     )

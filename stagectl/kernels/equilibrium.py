@@ -31,7 +31,7 @@ def standing(p: Stage, stops: Any, position: float, time: float) -> State:
         force = friction.settled(p.friction.operators, stops, load - carried, factor) + carried
         behind = _load_at(p, position, driving, force)
     memory = Memory(
-        time, _NEVER, -math.inf, 0.0, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0
+        time, _NEVER, -math.inf, 0.0, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0, 0.0
     )  # fmt: skip
     seen = plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
     here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)

@@ -68,6 +68,7 @@ def _moved(x: State, h: float, current: float, opposed: _Opposed, bodies: Bodies
     memory = Memory(
         m.time + h, m.begun, m.acting, m.before, m.heat, bodies.load, bodies.load_velocity, bodies.base,
         bodies.base_velocity, c.lagged, c.rested, path.cable, path.turned, path.furthest, path.direction,
+        m.rate,
     )  # fmt: skip
     return State(x.commands, x.latched, current, bodies.position, bodies.velocity, c.force, x.stops, c.bristle, memory)
 

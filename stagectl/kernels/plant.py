@@ -24,6 +24,9 @@ CurrentOffset = Annotated[float, Quantity("A", "[-1e3, 1e3]", "current that is a
 Gain = Annotated[float, Quantity("", "[-0.9, 10]", "g of (1 + g + a sgn c) c + o sgn c, what a command c gives")]
 GainAsymmetry = Annotated[float, Quantity("", "[-0.9, 0.9]", "a of that current: positive against negative commands")]
 DirectedOffset = Annotated[float, Quantity("A", "[-1e3, 1e3]", "o of that current: an offset with the command's sign")]
+LoopDamping = Annotated[
+    float, Quantity("", "[0.1, inf]", "damping ratio of the current loop; from 5 on it is of first order")
+]
 Continuous = Annotated[float, Quantity("A", "(0, inf]", "current to which the limit folds back; inf: never")]
 FoldbackTime = Annotated[float, Quantity("s", "(0, 1e5]", "time for which the drive gives its largest current")]
 Voltage = Annotated[
@@ -67,6 +70,7 @@ class Drive(NamedTuple):
     gain: Gain = 0.0
     gain_asymmetry: GainAsymmetry = 0.0
     directed_offset: DirectedOffset = 0.0
+    current_damping: LoopDamping = math.inf
 
 
 class Motor(NamedTuple):
@@ -220,6 +224,7 @@ class Memory(NamedTuple):
     turned: float  # rad | m, last reversal
     furthest: float  # rad | m, since then
     direction: float  # of the motion since then: -1, 0 before any, 1
+    rate: float  # A/s, of the motor current
 
 
 class State(NamedTuple):

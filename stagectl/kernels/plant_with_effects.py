@@ -100,7 +100,7 @@ class _Kept(NamedTuple):
     """What holds during one drift."""
 
     steps: int
-    lag: tuple[float, float]  # decay of the current error over half a step, and its mean
+    loop: drive_effects.Loop  # over half a step
     limit: float  # A
     delay: tuple[int, float]  # nd, dead time in s
     extra: float  # A, noise
@@ -114,6 +114,7 @@ class _Moving(NamedTuple):
 
     time: float  # s, session clock
     current: float  # A
+    rate: float  # A/s
     acting: float  # s
     bodies: Bodies
     contact: friction_effects.Contact
@@ -128,7 +129,7 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
     h = dt / steps
     kept = _Kept(
         steps,
-        _lag(p.drive.current_lag, 0.5 * h),
+        drive_effects.loop(p.drive, 0.5 * h),
         drive_effects.folded(p.drive, m.heat),
         (p.drive.delay_samples, max(p.drive.dead_time + noise.delay, 0.0)),
         noise.current,
@@ -139,12 +140,12 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
     bodies = Bodies(x.position, x.velocity, m.load, m.load_velocity, m.base, m.base_velocity)
     contact = friction_effects.Contact(x.force, x.bristle, m.lagged, m.rested)
     path = Path(m.cable, m.turned, m.furthest, m.direction)
-    y = _stepped(p, kept, x, _Moving(m.time, x.current, m.acting, bodies, contact, path))
+    y = _stepped(p, kept, x, _Moving(m.time, x.current, m.rate, m.acting, bodies, contact, path))
     heat = drive_effects.heated(p.drive, m.heat, y.current, dt)
     b, c, w = y.bodies, y.contact, y.path
     memory = Memory(
         m.time + dt, m.begun, y.acting, m.before, heat, b.load, b.load_velocity, b.base, b.base_velocity,
-        c.lagged, c.rested, w.cable, w.turned, w.furthest, w.direction,
+        c.lagged, c.rested, w.cable, w.turned, w.furthest, w.direction, y.rate,
     )  # fmt: skip
     return State(x.commands, x.latched, y.current, b.position, b.velocity, c.force, x.stops, c.bristle, memory)
 
@@ -152,7 +153,8 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
 @kernel
 def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
     """All steps of one drift: kick, drift, kick."""
-    current, acting, bodies, contact, path = y.current, y.acting, y.bodies, y.contact, y.path
+    current, rate, acting, bodies, contact, path = y.current, y.rate, y.acting, y.bodies, y.contact, y.path
+    later, faster, mean = c.loop
     drive, mechanics, operators, stops, h = p.drive, p.mechanics, p.friction.operators, x.stops, c.contact.h
     along, lead, balls, code = p.friction.along, p.friction.lead, p.friction.ball_pass, p.residual.coordinate
     lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, TURN_SHARE * c.contact.length
@@ -165,13 +167,15 @@ def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
         target, acting = driven(drive, lines, c.delay, (time, time + h), acting)
         target = drive_effects.limited(drive, target, c.limit, bodies.velocity)
         error = current - target
-        driving = at.constant * (target + error * c.lag[1] + c.extra)
+        driving = at.constant * (target + (error * mean[0] + rate * mean[1]) + c.extra)
+        error, rate = error * later[0] + rate * later[1], error * faster[0] + rate * faster[1]
         bodies = transmission.kicked(mechanics, c.masses, bodies, (driving + at.cogging, bias - against, contact.force))
         load, bodies = bodies.load, transmission.moved(c.masses, bodies)
         angle = c.turn * bodies.position
-        at, error = motoring(motor, angle), error * c.lag[0]
-        driving = at.constant * (target + error * c.lag[1] + c.extra)
-        current = target + error * c.lag[0]
+        at = motoring(motor, angle)
+        driving = at.constant * (target + (error * mean[0] + rate * mean[1]) + c.extra)
+        error, rate = error * later[0] + rate * later[1], error * faster[0] + rate * faster[1]
+        current = target + error
         velocity = bodies.velocity + c.masses.share * (bodies.load_velocity - bodies.velocity)
         place = friction_effects.place_factor(along, lead, balls, (bodies.position, angle))
         limits = friction_effects.limits(c.contact, contact, velocity, place, driving)
@@ -184,15 +188,7 @@ def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
             now = coordinate(code, mechanics.pitch, bodies, path, (current, time + h))
             against += effects.looked_up(p.residual, now)
         bodies = transmission.kicked(mechanics, c.masses, bodies, (driving + at.cogging, bias - against, contact.force))
-    return _Moving(y.time + c.steps * h, current, acting, bodies, contact, path)
-
-
-@kernel
-def _lag(lag: float, half: float) -> tuple[float, float]:
-    """Decay of the current error over `half` a step, and its mean."""
-    if lag == 0.0:
-        return 0.0, 0.0
-    return effects.decayed(half / lag)
+    return _Moving(y.time + c.steps * h, current, rate, acting, bodies, contact, path)
 
 
 @kernel

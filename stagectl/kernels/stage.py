@@ -184,11 +184,28 @@ def commanded(p: Drive, x: State, command: float) -> State:
 @kernel
 def _noted(m: Memory, current: float) -> Memory:
     """When the command came, and the motor current (A) at that time."""
-    _, _, acting, _, heat, load, load_velocity, base, base_velocity, lagged, rested, cable, turned, furthest, side = m
+    (
+        _,
+        _,
+        acting,
+        _,
+        heat,
+        load,
+        load_velocity,
+        base,
+        base_velocity,
+        lagged,
+        rested,
+        cable,
+        turned,
+        furthest,
+        side,
+        _,
+    ) = m
     line = pushed(m.begun, m.time)
     return Memory(
         m.time, line, acting, current, heat, load, load_velocity, base, base_velocity, lagged, rested, cable, turned,
-        furthest, side,
+        furthest, side, m.rate,
     )  # fmt: skip
 
 

@@ -69,6 +69,7 @@ ADDED = {
   gain: -10 %
   gain_asymmetry: 4 %
   directed_offset: 30 mA
+  current_damping: 0.7
   continuous_current: 5 A
   foldback_time: 2 s
   voltage_limit: 48 V
@@ -137,7 +138,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
     numbers = {"pitch": turn, "viscous_asymmetry": 0.05, "lag": 5e-3, "load": 0.02}
     numbers |= {"asymmetry": 0.05, "dead_time": 7e-4, "jitter": 2e-5, "offset": 0.02, "continuous_current": 5.0}
     numbers |= {"foldback_time": 2.0, "voltage_limit": 48.0, "resistance": 1.1, "back_emf": 0.48}
-    numbers |= {"gain": -0.1, "gain_asymmetry": 0.04, "directed_offset": 0.03}
+    numbers |= {"gain": -0.1, "gain_asymmetry": 0.04, "directed_offset": 0.03, "current_damping": 0.7}
     assert {name: values[name] for name in numbers} == pytest.approx(numbers, rel=1e-12)
     assert tuple(p.encoder.eccentricity) == pytest.approx((30 * arcsec, 1.0, math.pi / 2.0))
     assert tuple(p.encoder.interpolation) == pytest.approx((2 * arcsec, 2048.0, 0.0))

@@ -47,6 +47,44 @@ def test_one_hidden_effect(tmp_path: Path) -> None:
     _check_predictions(session, done, tmp_path / "predictions")
 
 
+@pytest.mark.parametrize("effect", ["viscous_asymmetry", "current_gain", "cogging"])
+def test_a_small_effect_that_is_all_of_the_gap_is_named_and_no_unknown(tmp_path: Path, effect: str) -> None:
+    """At half its size, where a machine with larger gaps has it as a trace."""
+    session, _ = _trial(tmp_path, 7001, "single", effects=(effect,), scale=0.5)
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    assert result.verdict == "effects" and _named(result) == [effect]
+
+
+def test_a_viscous_friction_that_bends_downwards_is_no_stribeck_friction(tmp_path: Path) -> None:
+    """Less than linear by a power of the speed: the exponent and its share come out with their intervals."""
+    session, _ = _trial(tmp_path, 3, "single", effects=("viscous_nonlinear",), scale=2.0)
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    assert result.verdict == "effects" and _named(result) == ["viscous_nonlinear"]
+
+
+@pytest.mark.parametrize("seed", [3, 4])  # early, late
+def test_a_report_of_the_current_is_late_by_what_its_staircase_shows(tmp_path: Path, seed: int) -> None:
+    """Half a period, of currents that are where they go to after a third of one."""
+    session, _ = _trial(tmp_path, seed, "single", effects=("time_shift",), scale=1.0)
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    (shift,) = [effect for effect in result.effects if effect.name == "time_shift"]
+    value = shift.parameters["time_shift"]
+    assert result.verdict == "parameters" and abs(value.value) == pytest.approx(0.25e-3, abs=0.03e-3)
+    assert value.low < value.value < value.high and value.high - value.low < 0.1e-3
+
+
+@pytest.mark.parametrize(("seed", "damping"), [(5, 5.0), (4, 0.466)])
+def test_a_slower_current_loop_is_no_time_shift(tmp_path: Path, seed: int, damping: float) -> None:
+    """Of first order, and of second order with overshoot: 0.2 ms more lag."""
+    session, _ = _trial(tmp_path, seed, "single", effects=("current_loop",), scale=1.0)
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    loop = result.effects[0]
+    assert _named(result) == ["current_loop"] and loop.probability > 0.9
+    assert loop.parameters["lag"].value == pytest.approx(0.2e-3, rel=0.1)
+    assert loop.parameters["damping"].value == pytest.approx(damping, rel=0.1)
+    assert loop.parameters["damping"].low <= damping <= loop.parameters["damping"].high
+
+
 def _check_predictions(session: Session, done: diagnose.Diagnosis, place: Path) -> None:
     """Anyone can recompute the gap from the files."""
     paths = rollouts.write_predictions(session, done.improved, place)

@@ -21,7 +21,7 @@ TABLE = Table(effects.SINCE_REVERSAL, -0.01, 0.005, jit.table([-0.02, -0.01, 0.0
 
 def drive(p: stage.Drive) -> stage.Drive:
     limits = p._replace(continuous_current=4.0, voltage_limit=48.0, resistance=1.5, back_emf=0.7)
-    limits = limits._replace(gain=-0.1, gain_asymmetry=0.04, directed_offset=0.03)
+    limits = limits._replace(gain=-0.1, gain_asymmetry=0.04, directed_offset=0.03, current_damping=0.7)
     return limits._replace(dead_time=0.7e-3, jitter=1e-5, offset=0.02, telemetry=Reported(0.01, 0.02, 2e-4))
 
 

@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.signal
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
@@ -242,6 +243,28 @@ def test_the_drive_reports_late_scaled_and_shifted() -> None:
     x = stage.period(p, x, 3.0, stage.SILENT, DT, 10)
     assert x.current == 3.0
     assert stage.reported(p.drive, x, DT) == pytest.approx((0.75 * 3.0 + 0.25 * 1.0) * 1.02 + 0.1)
+
+
+@pytest.mark.parametrize("damping", [0.45, 0.99999999, 1.0, 1.5, 4.9])
+def test_a_current_loop_of_second_order_follows_its_transfer_function(damping: float) -> None:
+    """``1 / (1 + T s + (T s / 2 zeta)^2)``, by another library; exact, so that the number of steps does not matter."""
+    lag, time = 0.4e-3, np.arange(1, 21) * DT
+    p = drive(plant(), current_lag=lag, current_damping=damping)
+    _, expected = scipy.signal.step(([1.0], [(lag / (2.0 * damping)) ** 2, lag, 1.0]), T=np.array([0.0, *time]))
+    for steps in (1, 10):
+        x, currents = stage.at_rest(p), []
+        for _ in time:
+            x = stage.period(p, x, 3.0, stage.SILENT, DT, steps)
+            currents.append(x.current)
+        assert currents == pytest.approx(list(3.0 * expected[1:]), abs=1e-5)
+
+
+def test_a_current_loop_of_second_order_drives_by_its_mean(ball_screw: Setup) -> None:
+    """The velocity after a step without friction is the integral of the current."""
+    p = drive(plant(viscous=0.0), current_lag=0.4e-3, current_damping=0.5)
+    coarse, fine = (run(p, 3.0, 0.01, steps=steps) for steps in (1, 50))
+    late = 3.0 * KT / J * (0.01 - 0.4e-3)  # the lag is the area that is missing
+    assert coarse.velocity == pytest.approx(fine.velocity, rel=1e-9) and fine.velocity == pytest.approx(late, rel=1e-4)
 
 
 @pytest.mark.parametrize("late", [0.25, 0.5, 0.9])

@@ -51,7 +51,15 @@ def _current_loop(s: Scales) -> Parameters | None:
     if not s.commanded:
         return None
     lag = Amplitude("lag", "s", (0.0002,), -s.lag, 0.005)
-    return Parameters((lag,), (), lambda p, v: put(p, "drive.current_lag", max(p.drive.current_lag + v["lag"], 0.0)))
+    damping = Shape("damping", "", grids.LOOP_DAMPINGS, True, *grids.LOOP_DAMPING)
+
+    def apply(p: Stage, v: Values) -> Stage:
+        if v["lag"] == 0.0:
+            return p
+        drive = p.drive._replace(current_lag=max(p.drive.current_lag + v["lag"], 0.0), current_damping=v["damping"])
+        return p._replace(drive=drive)
+
+    return Parameters((lag,), (damping,), apply)
 
 
 def _torque_path(s: Scales) -> Parameters | None:

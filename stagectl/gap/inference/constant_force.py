@@ -18,7 +18,7 @@ from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.cable_centre import BIAS
 from stagectl.gap.inference.parameter_errors import shift_odds
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.selection import constants, linearised, refine, select
+from stagectl.gap.selection import constants, linearised, material, refine, select
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -71,7 +71,7 @@ def _matters(e: Evidence, now: Fitted) -> bool:
 
 def _compared(e: Evidence, library: Library, now: Fitted, twin: EffectValues | None) -> Compared:
     """All sets of effects but for the `twin`, which may join as any other."""
-    rest = now if twin is None else select.without(e, now, twin)
+    rest = now if twin is None else material.without(e, now, twin)
     fixed, nominal = _fixed(e), _with_nominal_bias(e, rest)
     free = linearised.linearised(e, library, rest, twin)
     return Compared(fixed, nominal, (free, linearised.linearised(fixed, library, nominal, twin)))

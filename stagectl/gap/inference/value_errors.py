@@ -107,11 +107,9 @@ def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float) -> Array
     force too much; the true one lies between.  `a` (k, k) are the columns' products.  Source: R. Frisch, Statistical
     Confluence Analysis by Means of Complete Regression Systems, 1934.
     """
-    known = 1.0 / np.diag(least_squares.inverse(a))  # sum of squares of each column less what the others make of it
+    apart = np.diag(least_squares.inverse(a))  # one over the square of each column, less what the others make of it
     inertia = now.model.stage.mechanics.inertia
-    return np.array(
-        [max(left, 0.0) / (inertia * known[k]) if name == "inertia" else 0.0 for k, name in enumerate(names)]
-    )
+    return np.array([max(left, 0.0) * apart[k] / inertia if name == "inertia" else 0.0 for k, name in enumerate(names)])
 
 
 def ways(g: Grams, products: gram_matrices.Products, now: Fitted, smooth: BasisColumns) -> dict[str, Array]:

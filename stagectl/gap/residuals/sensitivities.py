@@ -58,10 +58,12 @@ def _current_in_time(p: TrackedModel, path: MeasuredPath) -> tuple[TrackedModel,
     """The log's current moved by whole samples, and the model's report late by the rest.
 
     A current that follows steps of a command is no straight line between two samples: the model knows what it is there.
-    Where no other current than the command is known, that is moved, by linear interpolation.
+    Where the model does not describe how a current follows, or no other current than the command is known, what was
+    logged is moved, by linear interpolation.
     """
-    if np.isnan(path.rows[:, 2]).all():
-        return p, path._replace(rows=_earlier(path.rows, 0, p.shift / path.dt))
+    unknown = bool(np.isnan(path.rows[:, 2]).all())
+    if unknown or p.stage.drive.current_lag == 0.0:
+        return p, path._replace(rows=_earlier(path.rows, 0 if unknown else 2, p.shift / path.dt))
     late = p.stage.drive.telemetry.late + p.shift
     whole = math.floor(late / path.dt)
     stage = put(p.stage, "drive.telemetry.late", late - whole * path.dt)

@@ -18,11 +18,18 @@ from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
-from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
+from stagectl.gap.residuals.sensitivities import (
+    Direction,
+    TrackedModel,
+    all_columns,
+    model_residual,
+    residuals_of,
+)
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds
 from stagectl.gap.selection.bristle_members import Data, Family, is_member, members, with_best
 from stagectl.gap.selection.priors import Prior
+from stagectl.gap.selection.shift_start import in_time
 from stagectl.kernels import friction_bristle, stage
 from stagectl.parallel import in_parallel
 
@@ -168,6 +175,8 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     """Fit the parameters that the model has to the data, except those whose names are `frozen`."""
     noise = noise_of(nominal, runs, session.dt)
     model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
+    if is_measured(runs) and "time_shift" not in frozen:
+        model = in_time(model, runs, noise, session.dt)
     before = residuals_of(nominal, runs, noise)
     moving = directions(session, model, is_measured(runs))
     free = [direction for direction in moving if direction.name not in frozen]

@@ -27,6 +27,10 @@ SHAPE = 0.5  # of its value: standard deviation of a refined shape; chosen.  Dec
 # Of the typical size: where the fitted amplitude is smaller, its column is taken at the typical one; chosen.  No name.
 LEAST_SIZE = 0.1
 
+# Control periods; chosen.  Beyond it, a drive that answers later may stand behind a time shift of the current.
+LEAST_SHIFT = 0.05
+TIMING = ("dead_time", "current_loop")  # effects that make it answer later
+
 # -- sets --------------------------------------------------------------------------------------------------------------
 BEAM = 12  # sets that are continued by one effect more; chosen.  Costs time alone: four are as good as twelve.
 MOST_EFFECTS = 4  # in one set; two score as four.

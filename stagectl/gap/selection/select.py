@@ -22,9 +22,10 @@ import numpy as np
 
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.selection import candidates, constants, linearised, refine
+from stagectl.gap.selection import candidates, constants, linearised, refine, timing
 from stagectl.gap.selection.candidates import EffectValues
-from stagectl.gap.selection.linearised import Cuts, Library, Linearised
+from stagectl.gap.selection.linearised import Library, Linearised
+from stagectl.gap.selection.material import adequate, explains, is_material, without
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 Say = Callable[[str], None]
@@ -47,7 +48,7 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     Mechanical effects end where a function of one coordinate predicts far more of the residuals than the best set of
     them explains: the evidence compares what the library holds, and the cause is not in it then.
     """
-    now = refine.start(e)
+    now = timing.on_time(e, library, refine.start(e))
     while len(now.effects) < constants.MOST_EFFECTS:
         after = _with_more(e, library, now) or _with_small(e, library, now)
         if after is None:
@@ -65,7 +66,7 @@ def _with_more(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     after = _grown(e, now, added)
     if after is not None and any(valued.effect.block != DRIVE for valued in added):
         left, predicted = linearised.excess(e, library, after), library.predicted(e, now)
-        if predicted[0] and not _adequate(at.excess[0], left[0], predicted[0]):
+        if predicted[0] and not adequate(at.excess[0], left[0], predicted[0]):
             return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE])
     return after
 
@@ -81,17 +82,8 @@ def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     if singles.get(single, 0.0) <= _empty(at):
         return None
     after = _grown(e, now, at.values(at.verdict.best(single)))
-    explains = after is not None and _explains(at.excess, linearised.excess(e, library, after), predicted)
-    return after if explains else None
-
-
-def _explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
-    """Whether what is left falls by most of what is `predicted`, in one of the cuts of which anything is."""
-    return any(p and _adequate(b, a, p) for b, a, p in zip(before, after, predicted, strict=True))
-
-
-def _adequate(before: float, after: float, predicted: float) -> bool:
-    return before - after >= constants.ADEQUATE * min(predicted, before)
+    fits = after is not None and explains(at.excess, linearised.excess(e, library, after), predicted)
+    return after if fits else None
 
 
 def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues]) -> Fitted | None:
@@ -132,7 +124,7 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     but for what would be missing without it.
     """
     left = linearised.excess(e, library, now)
-    small = (valued for valued in now.effects if is_trace(valued) and not _is_material(e, library, now, valued))
+    small = (valued for valued in now.effects if is_trace(valued) and not is_material(e, library, now, valued))
     if trace := next(small, None):
         return dropped(e, library, now, trace.effect.name, say)
     selection = Selection(now, left, {}, {}, {}, {})
@@ -152,21 +144,14 @@ def _in_the_place_of(e: Evidence, library: Library, now: Fitted, valued: EffectV
     """The sets that may stand in the place of an effect of `now`; it is no trace where it explains what is missing."""
     rest = without(e, now, valued)
     at = linearised.linearised(e, library, rest, valued)
-    if _empty(at) <= 1.0 - constants.KEPT or not _is_material(e, library, now, valued):
+    if _empty(at) <= 1.0 - constants.KEPT or not is_material(e, library, now, valued):
         return at
+    library = timing.without_unlike(e, library, now, valued)
     return linearised.linearised(e, library, rest, valued, traces=False)
 
 
 def _empty(at: Linearised) -> float:
     return at.verdict.of_sets().get(frozenset(), 0.0)
-
-
-def _is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:
-    """Whether most of what is missing without the effect `valued` of `now` is explained by it."""
-    rest = without(e, now, valued)
-    predicted = library.predicted(e, rest)
-    before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
-    return any(predicted) and _explains(before, after, predicted)
 
 
 def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
@@ -180,12 +165,6 @@ def is_trace(valued: EffectValues) -> bool:
     """Whether an effect is no larger than what every machine has of it; one whose column bends has no trace."""
     sizes = [valued.values[a.name] / a.typical[0] for a in valued.effect.amplitudes]
     return not valued.effect.nonlinear and math.hypot(*sizes) < constants.IMMATERIAL
-
-
-def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
-    """`now` without one of its effects, everything else as it is."""
-    rest = tuple(other for other in now.effects if other is not valued)
-    return Fitted(now.model, rest, refine.residuals(e, now.model, rest), np.nan)
 
 
 def _enter(selection: Selection, at: Linearised, name: str) -> None:

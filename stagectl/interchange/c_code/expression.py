@@ -9,7 +9,7 @@ from stagectl.interchange.c_code.types import ARRAY, TranslationError
 
 MATH = {  # functions of floats that give a float
     math.copysign: "copysign", math.exp: "exp", math.expm1: "expm1", math.log: "log", math.log1p: "log1p",
-    math.sin: "sin", math.cos: "cos", math.sqrt: "sqrt",
+    math.sin: "sin", math.cos: "cos", math.sqrt: "sqrt", math.pow: "pow",
 }  # fmt: skip
 WHOLE = {math.floor: "floor", math.ceil: "ceil"}  # of a float; an int in Python
 BUILTINS = (*MATH, *WHOLE, float, int, abs, min, max, len)

@@ -179,7 +179,7 @@ def _drive() -> tuple[Scene, ...]:
     return (
         _scene("dead_time", "sine-strong", "slope", {"time": 0.0003}, channel=CURRENT, zoom=SLOPES),
         _scene("torque_path", "sine-strong", "current", UNEVEN, channel=CURRENT),
-        _scene("current_loop", "multisine-middle", "frequency", {"lag": 0.0002}, channel=CURRENT),
+        _scene("current_loop", "multisine-middle", "frequency", {"lag": 0.0002, "damping": 5.0}, channel=CURRENT),
         _scene("jitter", "sine-strong", "slope", {"value": 0.0001}, channel=CURRENT, zoom=SLOPES),
         _scene(
             "current_quantisation",

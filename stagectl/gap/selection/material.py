@@ -1,0 +1,36 @@
+"""What is missing and has an order is no trace: whether an effect explains most of it, however small it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stagectl.gap.selection import constants, linearised, refine
+from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.linearised import Cuts, Library
+from stagectl.gap.selection.refine import Evidence, Fitted
+
+
+def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
+    """`now` without one of its effects, everything else as it is."""
+    rest = tuple(other for other in now.effects if other is not valued)
+    return Fitted(now.model, rest, refine.residuals(e, now.model, rest), np.nan)
+
+
+def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:
+    """Whether most of what is missing without the effect `valued` of `now` is explained by it."""
+    rest, timing = without(e, now, valued), valued.effect.name in constants.TIMING
+    if timing:  # in its place the time shift may move as far as it likes
+        rest = refine.refine(e, now.model, rest.effects)
+    before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
+    predicted = (0.0, before[1]) if timing else library.predicted(e, rest)
+    return any(predicted) and explains(before, after, predicted)
+
+
+def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
+    """Whether what is left falls by most of what is `predicted`, in one of the cuts of which anything is."""
+    return any(p and adequate(b, a, p) for b, a, p in zip(before, after, predicted, strict=True))
+
+
+def adequate(before: float, after: float, predicted: float) -> bool:
+    """Whether a sum of squares falls by most of what is `predicted` of it."""
+    return before - after >= constants.ADEQUATE * min(predicted, before)
