@@ -83,8 +83,8 @@ def linearised(
     tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
     nuisances = parameters(e, now, g)
     small = [usual_sizes.immaterial(library.forms, g.places)] if traces else []
+    start = _start(g, [*nuisances, *small], library.excess, strokes(e))
     left = left_of(g, nuisances, library.products, now)
-    start = _start(g, [*nuisances, *small], _of_form(library.excess, left), strokes(e))
     return Linearised(start, tried, forms, left, compare(start, tried, WIDER))
 
 
@@ -135,16 +135,11 @@ def _left(g: Array, nuisances: Sequence[Prior]) -> float:
     return float(g[-1, -1] - 2.0 * b @ amplitude + amplitude @ a @ amplitude)
 
 
-def _of_form(first: Cuts, left: Cuts) -> Cuts:
-    """What may be wrong in its form: what is `left`, and a share of what the baseline fit left `first`.
-
-    An effect that explains much explains it with an error of form.
-    """
-    return max(left[0], constants.FORM_LEFT * first[0]), max(left[1], constants.FORM_LEFT * first[1])
-
-
 def _start(g: Grams, nuisances: Sequence[Prior], left: Cuts, count: int) -> Conditioned:
-    """The tempered data with all nuisances integrated out; `left` is the error of form of each cut."""
+    """The tempered data with all nuisances integrated out; `left` is what the baseline fit leaves of each cut.
+
+    An effect that explains much explains it with an error of form, so the temper stays that of the beginning.
+    """
     mixed = temper(left[0], count) * g.effort.sum(axis=0) + temper(left[1], count) * g.current.sum(axis=0)
     gram = mixed[:-1, :-1] + RIDGE * np.diag(np.diag(mixed)[:-1])  # rounding must not make it indefinite
     state = Conditioned(gram, mixed[:-1, -1], -0.5 * float(mixed[-1, -1]))
