@@ -29,7 +29,10 @@ LEAST_SIZE = 0.1
 
 # Control periods; chosen.  Beyond it, a drive that answers later may stand behind a time shift of the current.
 LEAST_SHIFT = 0.05
+# Of what several effects explain together; chosen.  One that explains all but that is taken first, by itself.
+ONE_OF_MANY = 0.05
 TIMING = ("dead_time", "current_loop")  # effects that make it answer later
+SCALING = ("current_gain", "torque_path")  # what it reports, and what it gives
 
 # -- sets --------------------------------------------------------------------------------------------------------------
 BEAM = 12  # sets that are continued by one effect more; chosen.  Costs time alone: four are as good as twelve.

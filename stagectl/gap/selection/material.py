@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.selection import constants, linearised, refine
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Cuts, Library
@@ -18,12 +19,23 @@ def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
 
 def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:
     """Whether most of what is missing without the effect `valued` of `now` is explained by it."""
-    rest, timing = without(e, now, valued), valued.effect.name in constants.TIMING
-    if timing:  # in its place the time shift may move as far as it likes
-        rest = refine.refine(e, now.model, rest.effects)
+    rest = without(e, now, valued)
+    if valued.effect.name in constants.TIMING:  # in its place the time shift may move as far as it likes
+        return stands(library, refine.refine(e, now.model, rest.effects), now)
     before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
-    predicted = (0.0, before[1]) if timing else library.predicted(e, rest)
+    predicted = library.predicted(e, rest)
     return any(predicted) and explains(before, after, predicted)
+
+
+def stands(library: Library, before: Fitted, after: Fitted) -> bool:
+    """Whether `after` explains most of what `before` leaves above the noise.
+
+    A drive that answers at another time than its model makes more of what repeats differ by: the noise is that of
+    `after`.
+    """
+    least = float(gram_matrices.noise(library.products, after.residuals).sum())
+    left, remains = (fitted.residual_sum_of_squares - least for fitted in (before, after))
+    return adequate(left, remains, left)
 
 
 def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:

@@ -22,7 +22,7 @@ import numpy as np
 
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.selection import candidates, constants, linearised, refine, timing
+from stagectl.gap.selection import candidates, constants, drive_alikes, linearised, refine
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised
 from stagectl.gap.selection.material import adequate, explains, is_material, without
@@ -48,11 +48,12 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     Mechanical effects end where a function of one coordinate predicts far more of the residuals than the best set of
     them explains: the evidence compares what the library holds, and the cause is not in it then.
     """
-    now = timing.on_time(e, library, refine.start(e))
+    now = drive_alikes.on_time(e, library, refine.start(e))
     while len(now.effects) < constants.MOST_EFFECTS:
         after = _with_more(e, library, now) or _with_small(e, library, now)
         if after is None:
             break
+        after = drive_alikes.nearest(e, library, after)
         present = {valued.effect.name for valued in now.effects}
         say(f"added {', '.join(v.effect.name for v in after.effects if v.effect.name not in present)}")
         now = after
@@ -63,12 +64,25 @@ def _with_more(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     """`now` with the most probable set of effects; None where that is empty, or does not fit."""
     at = linearised.linearised(e, library, now)
     added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
-    after = _grown(e, now, added)
+    after = _first_of(e, now, added, _grown(e, now, added))
     if after is not None and any(valued.effect.block != DRIVE for valued in added):
         left, predicted = linearised.excess(e, library, after), library.predicted(e, now)
         if predicted[0] and not adequate(at.excess[0], left[0], predicted[0]):
             return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE])
     return after
+
+
+def _first_of(e: Evidence, now: Fitted, added: Sequence[EffectValues], together: Fitted | None) -> Fitted | None:
+    """`now` with the one effect of `added` that explains nearly all that they explain `together`; else with all.
+
+    A large effect bends: around the model without it, several small ones together look more like it than its column.
+    """
+    if together is None or len(added) < 2:
+        return together
+    single = [fitted for fitted in (_grown(e, now, [valued]) for valued in added) if fitted is not None]
+    best = min(single, key=lambda fitted: fitted.residual_sum_of_squares, default=together)
+    gain, lost = (a.residual_sum_of_squares - together.residual_sum_of_squares for a in (now, best))
+    return best if lost <= constants.ONE_OF_MANY * gain else together
 
 
 def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
@@ -146,7 +160,7 @@ def _in_the_place_of(e: Evidence, library: Library, now: Fitted, valued: EffectV
     at = linearised.linearised(e, library, rest, valued)
     if _empty(at) <= 1.0 - constants.KEPT or not is_material(e, library, now, valued):
         return at
-    library = timing.without_unlike(e, library, now, valued)
+    library = drive_alikes.without_unlike(e, library, now, valued)
     return linearised.linearised(e, library, rest, valued, traces=False)
 
 

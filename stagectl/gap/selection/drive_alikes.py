@@ -1,0 +1,81 @@
+"""Effects of the drive that look alike until they are simulated.
+
+* What a current follows is a staircase: a shift of the log, a delay and a lag.
+* A drive that gives less than it is told, and one that reports more than it gives: all efforts differ by one factor.
+
+Where the base has gone after one of them, no column around it shows the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
+
+from stagectl.gap.selection import constants, refine
+from stagectl.gap.selection.candidates import EffectValues, Form
+from stagectl.gap.selection.linearised import Library
+from stagectl.gap.selection.material import stands
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.thresholds import SETTLED
+
+
+def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
+    """`now`, or the model with a later drive where the time shift stands for most of that."""
+    if abs(now.model.shift) <= constants.LEAST_SHIFT * e.base.prior.dt:
+        return now
+    tried = _later(e, library, now, now.effects)
+    best = min([now, *tried], key=lambda fitted: fitted.residual_sum_of_squares)
+    return best if best is not now and stands(library, now, best) else now
+
+
+def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:
+    """`now` with that of two scales of the current which leaves the base nearer to its nominal values.
+
+    They explain the same.  The other one needs inertia and all friction off by the same factor.
+    """
+    scale = next((valued for valued in now.effects if valued.effect.name in constants.SCALING), None)
+    if scale is None:
+        return now
+    rest = [valued for valued in now.effects if valued is not scale]
+    forms = [f for f in library.forms if f.effect.name in constants.SCALING and f.effect.name != scale.effect.name]
+    tried = [
+        refine.refine(e, e.base.model, [*rest, EffectValues(f.effect, f.values(_opposed(scale, f)))]) for f in forms
+    ]
+    most = now.residual_sum_of_squares * (1.0 + SETTLED)
+    alike = [fitted for fitted in tried if fitted.residual_sum_of_squares <= most]
+    return min([now, *alike], key=lambda fitted: e.base.prior.cost(fitted.model, refine.nuisances(e)))
+
+
+def _opposed(scale: EffectValues, form: Form) -> list[float]:
+    """Sizes at which `form` is the other side of the same factor: its first amplitude is a gain."""
+    gain = scale.values[scale.effect.amplitudes[0].name]
+    return [gain, *[0.0] * (len(form.typical) - 1)]
+
+
+def without_unlike(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> Library:
+    """The library without what looks like `valued` until it is simulated: later drives that leave far more, the scale.
+
+    As it is for any other effect.
+    """
+    if valued.effect.name in constants.SCALING:
+        return _without(library, {*constants.SCALING} - {valued.effect.name})
+    if valued.effect.name not in constants.TIMING:
+        return library
+    rest = [other for other in now.effects if other is not valued]
+    shifted = refine.refine(e, now.model, rest)
+    others = _without(library, {valued.effect.name})
+    alike = {
+        fitted.effects[-1].effect.name for fitted in _later(e, others, now, rest) if stands(library, shifted, fitted)
+    }
+    return _without(library, {*constants.TIMING} - alike - {valued.effect.name})
+
+
+def _without(library: Library, names: AbstractSet[str]) -> Library:
+    return library._replace(forms=tuple(form for form in library.forms if form.effect.name not in names))
+
+
+def _later(e: Evidence, library: Library, now: Fitted, others: Sequence[EffectValues]) -> list[Fitted]:
+    """Every form of a later drive beside `others`, refined from a log without time shift."""
+    forms = [form for form in library.forms if form.effect.name in constants.TIMING]
+    begin = now.model._replace(shift=0.0)
+    return [refine.refine(e, begin, [*others, EffectValues(f.effect, f.values(f.typical))]) for f in forms]
