@@ -33,17 +33,21 @@ def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:
 
     They explain the same.  The other one needs inertia and all friction off by the same factor.
     """
+    scaled = [name for name in ("inertia", "viscous") if name in refine.nuisances(e)]  # known best: friction has a form
+    return min([now, *other_scales(e, library, now)], key=lambda fitted: e.base.prior.cost(fitted.model, scaled))
+
+
+def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
+    """`now` with the other scale of the current, last, in the place of the one that it has; none where it is worse."""
     scale = next((valued for valued in now.effects if valued.effect.name in constants.SCALING), None)
     if scale is None:
-        return now
+        return []
     rest = [valued for valued in now.effects if valued is not scale]
-    forms = [f for f in library.forms if f.effect.name in constants.SCALING and f.effect.name != scale.effect.name]
-    tried = [
-        refine.refine(e, e.base.model, [*rest, EffectValues(f.effect, f.values(_opposed(scale, f)))]) for f in forms
-    ]
+    others = [form for form in library.forms if form.effect.name in {*constants.SCALING} - {scale.effect.name}]
+    sides = [EffectValues(form.effect, form.values(_opposed(scale, form))) for form in others]
+    tried = [refine.refine(e, e.base.model, [*rest, side]) for side in sides]
     most = now.residual_sum_of_squares * (1.0 + SETTLED)
-    alike = [fitted for fitted in tried if fitted.residual_sum_of_squares <= most]
-    return min([now, *alike], key=lambda fitted: e.base.prior.cost(fitted.model, refine.nuisances(e)))
+    return [fitted for fitted in tried if fitted.residual_sum_of_squares <= most]
 
 
 def _opposed(scale: EffectValues, form: Form) -> list[float]:

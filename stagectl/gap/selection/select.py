@@ -148,6 +148,8 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         selection.gains[valued.effect.name] = sum(at.excess) - sum(left)
         empty[valued.effect.name] = _empty(at)
         _enter(selection, at, valued.effect.name)
+        if valued.effect.name in constants.SCALING:
+            _enter_scales(selection, drive_alikes.other_scales(e, library, now), valued.effect.name)
     weak = max(empty, key=empty.__getitem__, default="")
     if not weak or empty[weak] <= 1.0 - constants.KEPT:
         return selection
@@ -196,3 +198,10 @@ def _enter(selection: Selection, at: Linearised, name: str) -> None:
     selection.probability[name] = present
     selection.alternatives[name] = dict(sorted(odds.items(), key=lambda pair: -pair[1]))
     selection.rivals[name] = rivals
+
+
+def _enter_scales(selection: Selection, others: Sequence[Fitted], name: str) -> None:
+    """What explains the same as the effect `name`, with another inertia and another friction, is as probable."""
+    for other in (fitted.effects[-1] for fitted in others):
+        selection.alternatives[name] = {other.effect.name: 1.0, **selection.alternatives[name]}
+        selection.rivals[name][other.effect.name] = other
