@@ -39,10 +39,10 @@ def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:
 
 def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
     """`now` with the other scale of the current, last, in the place of the one that it has; none where it is worse."""
-    scale = next((valued for valued in now.effects if valued.effect.name in constants.SCALING), None)
-    if scale is None:
+    scales = [valued for valued in now.effects if valued.effect.name in constants.SCALING]
+    if len(scales) != 1:
         return []
-    rest = [valued for valued in now.effects if valued is not scale]
+    scale, rest = scales[0], [valued for valued in now.effects if valued is not scales[0]]
     others = [form for form in library.forms if form.effect.name in {*constants.SCALING} - {scale.effect.name}]
     sides = [EffectValues(form.effect, form.values(_opposed(scale, form))) for form in others]
     tried = [refine.refine(e, e.base.model, [*rest, side]) for side in sides]
