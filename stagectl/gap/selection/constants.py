@@ -27,9 +27,11 @@ SHAPE = 0.5  # of its value: standard deviation of a refined shape; chosen.  Dec
 # Of the typical size: where the fitted amplitude is smaller, its column is taken at the typical one; chosen.  No name.
 LEAST_SIZE = 0.1
 
-# Control periods; chosen.  Beyond it, a drive that answers later may stand behind a time shift of the current.
+# Control periods; chosen.  Beyond it, a drive that answers later may stand behind a time shift of the current.  Halved
+# and doubled on eight short sessions with a late drive, report or gain: no name changes.
 LEAST_SHIFT = 0.05
-# Of what several effects explain together; chosen.  One that explains all but that is taken first, by itself.
+# Of what several effects explain together; chosen.  One that explains all but that is taken first, by itself.  Halved
+# and doubled on the same sessions: no name changes.
 ONE_OF_MANY = 0.05
 TIMING = ("dead_time", "current_loop")  # effects that make it answer later
 SCALING = ("current_gain", "torque_path")  # what it reports, and what it gives
