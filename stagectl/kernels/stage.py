@@ -184,28 +184,9 @@ def commanded(p: Drive, x: State, command: float) -> State:
 @kernel
 def _noted(m: Memory, current: float) -> Memory:
     """When the command came, and the motor current (A) at that time."""
-    (
-        _,
-        _,
-        acting,
-        _,
-        heat,
-        load,
-        load_velocity,
-        base,
-        base_velocity,
-        lagged,
-        rested,
-        cable,
-        turned,
-        furthest,
-        side,
-        _,
-    ) = m
-    line = pushed(m.begun, m.time)
     return Memory(
-        m.time, line, acting, current, heat, load, load_velocity, base, base_velocity, lagged, rested, cable, turned,
-        furthest, side, m.rate,
+        m.time, pushed(m.begun, m.time), m.acting, current, m.heat, m.load, m.load_velocity, m.base, m.base_velocity,
+        m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction, m.rate,
     )  # fmt: skip
 
 

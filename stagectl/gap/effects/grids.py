@@ -5,13 +5,15 @@ All are chosen, not derived: each grid is as coarse as its neighbours still find
 
 from __future__ import annotations
 
+from stagectl.kernels.constants import FIRST_ORDER
+
 # Share by which a limit lies below the largest current (voltage) of the logs.  A drive that did reach its limit gave
 # it as its largest value, up to the noise of the measurement: hence the smallest one.
 LIMIT_DEPTHS = (0.01, 0.05, 0.25)
 SPEED_EXPONENTS = (0.5, 2.0)  # grease and bearings; drag
 STRIBECK_SPEEDS = (0.001, 0.004, 0.015, 0.06, 0.2)  # of the largest speed
-LOOP_DAMPINGS = (5.0, 0.7)  # of the current loop: of first order, and with the overshoot of a usual design
-LOOP_DAMPING = (0.3, 5.0)  # between which it is refined
+LOOP_DAMPINGS = (FIRST_ORDER, 0.7)  # of the current loop: of first order, and with the overshoot of a usual design
+LOOP_DAMPING = (0.3, FIRST_ORDER)  # between which it is refined
 DWELL_SLIPS = (0.15, 0.4, 1.0)  # of the rolling zone: about the mean slip of its elements, and 2.5 times less and more
 DWELL_TIMES = (0.03, 0.2)  # s
 FRICTION_LAGS = (0.003, 0.012)  # s
