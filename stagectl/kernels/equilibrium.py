@@ -1,4 +1,4 @@
-"""The plant at rest: who carries what."""
+"""The plant at rest, who carries what; and the plant as it moves on."""
 
 from __future__ import annotations
 
@@ -36,6 +36,24 @@ def standing(p: Stage, stops: Any, position: float, time: float) -> State:
     seen = plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
     here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)
     return State(NO_COMMANDS, here, p.drive.offset, position, 0.0, force, stops, bristle, memory)
+
+
+def in_motion(p: Stage, x: State, velocity: float, current: float, dt: float) -> State:
+    """`x` at rest, but moving on at `velocity` (rad/s | m/s) through the place that the encoder reads; `dt`: period, s.
+
+    The motor has had its `current` (A) for a while, and all friction slips in that direction, as past its rolling zone.
+    """
+    side = math.copysign(1.0, velocity)
+    position = x.position + velocity * p.encoder.delay_samples * dt
+    for j in range(len(x.stops)):
+        x.stops[j] = side
+    bristle = side * friction_bristle.slipping(p.friction.bristle, velocity)
+    places = (position - age * velocity * dt for age in range(8))
+    a, b, c, d, e, f, g, h = (plant_with_effects.seen(p.encoder, p.mechanics.pitch, place) for place in places)
+    commands: Line = (current, current, current, current, current, current, current, current)
+    memory = x.memory._replace(load=x.memory.load + position - x.position, load_velocity=velocity, before=current)
+    force = side * sum(p.friction.operators.weight) + p.friction.bristle.stiffness * bristle
+    return State(commands, (a, b, c, d, e, f, g, h), current, position, velocity, force, x.stops, bristle, memory)
 
 
 def read(p: Stage, measured: float) -> float:

@@ -99,3 +99,8 @@ def settled(p: Bristle, load: float, share: float = 1.0) -> float:
     """Deflection (rad | m) with which the bristle carries `load` (N m | N) at rest, up to `share` of what holds it."""
     holds = share * p.coulomb * friction.stribeck(p.stribeck, 0.0)
     return min(max(load, -holds), holds) / p.stiffness
+
+
+def slipping(p: Bristle, velocity: float) -> float:
+    """Deflection (rad | m), without its sign, of the bristle that slips at `velocity` (rad/s | m/s)."""
+    return p.coulomb * friction.stribeck(p.stribeck, velocity) / p.stiffness

@@ -70,6 +70,12 @@ def at_reading(p: Stage, measured: float, time: float = 0.0) -> State:
     return equilibrium.at_rest(p, equilibrium.read(p, float(measured)), float(time))
 
 
+def as_read(p: Stage, measured: float, time: float, going_on: tuple[float, float], dt: float) -> State:
+    """`at_reading`, but `going_on` at a velocity (rad/s | m/s) under a current (A); at rest where the velocity is 0."""
+    x, (velocity, current) = at_reading(p, measured, time), going_on
+    return equilibrium.in_motion(p, x, velocity, current, dt) if velocity != 0.0 else x
+
+
 def sliding(p: Friction) -> float:
     """Friction at speed (N m | N), without its viscous part."""
     return float(sum(p.operators.weight)) + p.bristle.coulomb

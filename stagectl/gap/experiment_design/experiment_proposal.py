@@ -33,6 +33,7 @@ from stagectl.gap.experiment_design.nuisance_refit import Linearised
 from stagectl.gap.experiment_design.operating_range import OperatingRange, operating_range, setpoints_for
 from stagectl.gap.experiment_design.prediction_distance import PlannedRun, RepeatNoise
 from stagectl.gap.inference import verdict
+from stagectl.gap.logs.log_start import LogStart
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.half_strokes import rests_of
 from stagectl.gap.result.diagnosis import DiagnosisResult, NextExperiment
@@ -140,7 +141,8 @@ def planned_run(session: Session, within: OperatingRange, noise: RepeatNoise, ex
     """`experiment` as it would be run next, after the last log; with the machine cold where it bears on warming."""
     end = max(log.start + log.rows * session.dt for log in session.logs)
     rows = setpoints_for(session, within, experiment)
-    rollout = Rollout(rows, within.law, within.start, 0.0 if COLD in experiment.effects else end, session.dt)
+    start = LogStart(within.start, 0.0 if COLD in experiment.effects else end)
+    rollout = Rollout(rows, within.law, start, session.dt)
     rests = rests_of(rows[:, 0], session.dt)
     return PlannedRun(rollout, noise, prediction_distance.measured(session), rests)
 

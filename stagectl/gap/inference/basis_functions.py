@@ -13,9 +13,9 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from stagectl.gap.effects.effect import Scales
-from stagectl.gap.inference import thresholds, tracker_response
+from stagectl.gap.inference import thresholds
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals import gram_matrices, whitening
+from stagectl.gap.residuals import gram_matrices, tracker_response, whitening
 from stagectl.gap.residuals.gram_matrices import Columns, Products
 from stagectl.gap.residuals.half_strokes import Run, without_drift_at_rest
 from stagectl.gap.residuals.sensitivities import TrackedModel

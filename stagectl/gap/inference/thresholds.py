@@ -71,7 +71,6 @@ OPEN_SIGMA = 3.0  # standard deviations of the repeats; chosen. The gap is open 
 RESIDUAL_WINDOW = 0.01  # s; chosen. Moving average over the residual before it is compared.
 BRIDGED = 0.0015  # s; chosen. Shorter closures are bridged; where an effect changes its sign they are longer.
 SHORTEST_SPAN = 0.001  # s; chosen. Shorter spans are dropped.
-LEAST_TRACKED = 0.1  # of the tracker's response; chosen. Frequencies that it follows less are not divided out.
 
 # -- signatures of the drive -----------------------------------------------------------------------------------------
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from stagectl.gap.inference import parameter_errors, thresholds
 from stagectl.gap.inference.signatures import DriveSignature
-from stagectl.gap.inference.tracker_response import untracked
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import KEPT
+from stagectl.gap.residuals.tracker_response import untracked
 from stagectl.gap.result.diagnosis import FoundEffect, Spans
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence, Fitted

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.logs import log_start
 from stagectl.gap.logs.session import Array, Log
 from stagectl.gap.residuals.thresholds import FASTEST_TRACKER, SLOWEST_TRACKER, SUBSTEPS, TRACKER_BANDWIDTH
 from stagectl.kernels import feedback, stage, tracked_model
@@ -55,11 +56,15 @@ def tracker(nominal: stage.Stage, dt: float) -> feedback.Pid:
 def tracking_residual(
     p: tracked_model.Tied, path: MeasuredPath, substeps: int = SUBSTEPS, load: float = 0.0
 ) -> ModelResidual:
-    """The residual of `p` along `path`; its friction begins with the share `load` of what it can hold."""
+    """The residual of `p` along `path`.
+
+    Its friction begins with the share `load` of what it can hold, or in the middle of a motion without that share.
+    """
     p = p._replace(stage=p.stage._replace(encoder=p.stage.encoder._replace(step=0.0)))  # the log is quantised already
-    plant = stage.at_reading(p.stage, float(path.rows[0, 1]), path.start)
+    start = log_start.of_log(path.rows[:, 1], path.rows[:, 0], path.start, path.dt)
+    plant = start.plant(p.stage, path.dt)
     if load:
-        plant.stops[:] = load
+        plant.stops[:] = load if start.going_on[0] == 0.0 else (1.0 - load) * plant.stops
     x = tracked_model.State(plant, feedback.AT_REST)
     out = np.empty((len(path.rows), 2))
     steps = stage.steps_that_hold(p.stage, path.dt, substeps)

@@ -1,6 +1,8 @@
 """Orders of the pitch and resonances in the residual effort: where to look for cogging, ripple, ball passes and modes.
 
 The periodogram runs over the angle, not over time: a machine's orders stay in place there while its speed changes.
+It is taken of the effort that acted.  The tracker's answer comes milliseconds later: fine orders lie elsewhere in
+either direction there, and cancel.
 """
 
 from __future__ import annotations
@@ -16,25 +18,29 @@ from scipy.signal import welch
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import thresholds
 from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.sensitivities import TrackedModel, model_residual
+from stagectl.gap.residuals.tracker_response import untracked
+from stagectl.parallel import in_parallel
 
 
 class Samples(NamedTuple):
     """Samples (n,) of all runs in which the axis moves well."""
 
-    effort: Array  # whitened residual effort
-    angle: Array  # rad of the pitch
+    effort: Array  # N m | N, what the model lacks
+    position: Array  # rad | m
     direction: Array  # sign of the velocity
     current: Array  # A
 
 
-def orders(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) -> dict[str, tuple[float, ...]]:
-    """Orders by effect, strongest first, in the whitened `residuals` (m, 2) of each run and repeat.
+STANDING = Samples(*np.zeros((4, 1)))
 
-    `pitch` is the travel of one turn (rad | m).
-    """
+
+def orders(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str, tuple[float, ...]]:
+    """Orders by effect, strongest first, in what `p` lacks along `runs`; `pitch`: the travel of a turn (rad | m)."""
     if all(np.ptp(run.mean.rows[:, 1]) < thresholds.COVERED * pitch for run in runs):
-        return _of_no_pitch(runs, residuals, pitch)
-    samples = _samples(runs, residuals, pitch)
+        return _of_no_pitch(p, runs, pitch)
+    samples = _samples(p, runs, pitch)
+    angle = 2.0 * np.pi / pitch * samples.position
     whole = np.arange(1, thresholds.HIGHEST_ORDER + 1)
     steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.ORDERS_PER_WHOLE * thresholds.HIGHEST_ORDER // 2)
     steps = steps[
@@ -43,8 +49,8 @@ def orders(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) 
     ]
     effort = samples.effort
     signals = np.stack([effort, effort * samples.current, effort * samples.direction])
-    cogging, ripple, lead = power(signals, samples.angle, whole)
-    balls = power(signals[2:], samples.angle / thresholds.ORDERS_PER_WHOLE, steps)[0]
+    cogging, ripple, lead = power(signals, angle, whole)
+    balls = power(signals[2:], angle / thresholds.ORDERS_PER_WHOLE, steps)[0]
     return {
         "cogging": peaks(whole, cogging),
         "current_ripple": peaks(whole, ripple),
@@ -53,16 +59,16 @@ def orders(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) 
     }
 
 
-def _of_no_pitch(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) -> dict[str, tuple[float, ...]]:
+def _of_no_pitch(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str, tuple[float, ...]]:
     """Orders of cogging where no run covers the `pitch`: periods of the position, from a share of the travel down.
 
     A nominal model that gives no pitch has one of a whole turn, or of 2 pi m.
     """
     travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
     turn = thresholds.STEPS_PER_TRAVEL * travel
-    samples = _samples(runs, residuals, travel, turn)
+    samples = _samples(p, runs, travel)
     grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, thresholds.MOST_PERIODS + 1)
-    spectrum = power(samples.effort[None], samples.angle, grid)[0]
+    spectrum = power(samples.effort[None], 2.0 * np.pi / turn * samples.position, grid)[0]
     # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
     lines = spectrum / np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="nearest"), 1e-300)
     return {"cogging": tuple(order * pitch / turn for order in peaks(grid, lines, thresholds.STEPS_PER_TRAVEL))}
@@ -83,23 +89,22 @@ def modes(runs: Sequence[Run], residuals: Sequence[list[Array]]) -> tuple[float,
     return peaks(frequency[within], prominence, thresholds.MODES_APART)
 
 
-def _samples(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float, turn: float | None = None) -> Samples:
-    """Samples of every run that covers nearly a `pitch`; a single zero where none does.
+def _samples(p: TrackedModel, runs: Sequence[Run], least: float) -> Samples:
+    """Samples of every run that covers nearly `least` (rad | m); a single zero where none does."""
+    far = [run for run in runs if np.ptp(run.mean.rows[:, 1]) >= thresholds.COVERED * least]
+    parts = in_parallel(lambda run: _moving(p, run), far)
+    return Samples(*(np.concatenate(signals) for signals in zip(*parts, strict=True))) if parts else STANDING
 
-    Their angle goes round once a `turn`, else once a pitch (rad | m).
-    """
-    parts: list[Samples] = []
-    for run, repeats in zip(runs, residuals, strict=True):
-        position = run.mean.rows[:: thresholds.KEPT, 1]
-        velocity = np.gradient(position, run.mean.dt * thresholds.KEPT)
-        fast = (np.abs(velocity) > thresholds.MOVING * np.abs(velocity).max(initial=0.0)) & (run.weight > 0.0)
-        if np.ptp(position) < thresholds.COVERED * pitch:
-            continue
-        signals = (np.mean(repeats, axis=0)[:, 0], 2.0 * np.pi / (turn or pitch) * position, np.sign(velocity))
-        parts.append(Samples(*(signal[fast] for signal in (*signals, run.mean.rows[:: thresholds.KEPT, 0]))))
-    if not parts:
-        return Samples(*np.zeros((4, 1)))
-    return Samples(*(np.concatenate(signals) for signals in zip(*parts, strict=True)))
+
+def _moving(p: TrackedModel, run: Run) -> Samples:
+    """Every `KEPT`-th sample of a run that moves; the position is that of the axis, not late as it is read."""
+    rows, dt, late = run.mean.rows, run.mean.dt, p.stage.encoder.delay_samples
+    effort = untracked(model_residual(p, run.mean).effort, p, dt)
+    position = np.pad(rows[late:, 1], (0, late), mode="edge")
+    velocity = np.gradient(position, dt)
+    signals = np.stack([effort, position, np.sign(velocity), rows[:, 0]])[:, :: thresholds.KEPT]
+    speed = np.abs(velocity)[:: thresholds.KEPT]
+    return Samples(*signals[:, (speed > thresholds.MOVING * speed.max(initial=0.0)) & (run.weight > 0.0)])
 
 
 def power(signals: Array, angle: Array, grid: NDArray[np.int64]) -> Array:

@@ -16,6 +16,7 @@ SUBSTEPS = 4  # integration steps per period; effects stiffer than rolling frict
 # Integration steps per period for sensitivities: both simulations of a difference share their integration error, so
 # that half as many suffice.
 SENSITIVITY_SUBSTEPS = 2
+LEAST_TRACKED = 0.1  # of the tracker's response; chosen. Frequencies that it follows less are not divided out.
 DIVERGED = 1e8  # standard deviations of noise: a larger column comes from a simulation that diverged
 
 # -- whitening ---------------------------------------------------------------------------------------------------------

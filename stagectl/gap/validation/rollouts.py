@@ -1,4 +1,4 @@
-"""A closed loop simulated with a model of the machine: quiet, at rest where the encoder reads its first position."""
+"""A closed loop simulated with a model of the machine: quiet, and from where the encoder reads its first position."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.logs import log_start
+from stagectl.gap.logs.log_start import LogStart
 from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.gap.validation.thresholds import SUBSTEPS
 from stagectl.kernels import rollout, stage
@@ -22,15 +24,14 @@ class Rollout(NamedTuple):
 
     setpoints: Array  # (n, 8), the fields of `kernels.law.Setpoint`
     law: Law
-    start: float  # rad | m, initial position of the axis
-    clock: float  # s, session clock of the first row
+    start: LogStart
     dt: float  # s
 
 
 def closed_loop(p: Rollout, model: stage.Stage, substeps: int) -> Array:
-    """Rows (n, rollout.WIDTH) of `p` with `model` as the machine; its friction begins relaxed."""
+    """Rows (n, rollout.WIDTH) of `p` with `model` as the machine; the friction of an axis at rest is relaxed."""
     rows = np.zeros((len(p.setpoints), rollout.WIDTH))
-    plant = stage.at_reading(model, p.start, p.clock)
+    plant = p.start.plant(model, p.dt)
     inputs = (np.ascontiguousarray(p.setpoints), np.zeros((len(rows), 2)), rows)
     rollout.closed_loop(rollout.Loop(p.law, model), plant, inputs, p.dt, stage.steps_that_hold(model, p.dt, substeps))
     return rows
@@ -45,7 +46,14 @@ def of_log(session: Session, log: Log) -> Rollout:
         missing = "controller" if session.law is None else "reference"
         reason = f"is not known, so {log.name} cannot be simulated in closed loop"
         raise GapError(Problem(reason, ProblemKind.MISSING, missing, remedy="see `cannot_tell`"))
-    return Rollout(log.setpoints[: log.rows], session.law, float(log.position[0]), log.start, session.dt)
+    return Rollout(log.setpoints[: log.rows], session.law, start_of(session, log), session.dt)
+
+
+def start_of(session: Session, log: Log) -> LogStart:
+    """How `log` begins; its current is the command, or what was measured."""
+    current = log.current if log.command is None else log.command
+    assert current is not None  # the loader refuses logs without both
+    return log_start.of_log(log.position, current, log.start, session.dt)
 
 
 def simulated_log(session: Session, model: stage.Stage, log: Log, substeps: int = SUBSTEPS) -> Array:
@@ -59,7 +67,11 @@ def simulated_logs(session: Session, model: stage.Stage, logs: Sequence[Log]) ->
     The clock matters only where something in `model` runs on it.
     """
     aging = _aging(model)
-    keys = [(log.experiment, log.start if aging else 0.0, round(float(log.position[0]), 12)) for log in logs]
+    starts = [start_of(session, log) for log in logs]
+    keys = [
+        (log.experiment, start.clock if aging else 0.0, round(start.position, 12), start.going_on)
+        for log, start in zip(logs, starts, strict=True)
+    ]
     first = {key: log for key, log in reversed(list(zip(keys, logs, strict=True)))}
     rows = in_parallel(lambda log: simulated_log(session, model, log), list(first.values()))
     by_key = dict(zip(first, rows, strict=True))

@@ -23,6 +23,7 @@ from stagectl.gap.experiment_design import (
 )
 from stagectl.gap.experiment_design.experiment import made
 from stagectl.gap.logs.load_session import load
+from stagectl.gap.logs.log_start import LogStart
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals.half_strokes import rests_of
 from stagectl.gap.result.diagnosis import NextExperiment
@@ -82,7 +83,7 @@ def distance(session: Session, models: dict[str, Stage]) -> float:
     first, second = (nuisance_refit.spread(model) for model in models.values())
     runs = [
         prediction_distance.PlannedRun(
-            Rollout(log.setpoints, p.law, 0.0, 0.0, session.dt),
+            Rollout(log.setpoints, p.law, LogStart(0.0, 0.0), session.dt),
             noise,
             True,
             rests_of(log.setpoints[:, 0], session.dt),
@@ -182,7 +183,7 @@ def test_what_goes_beyond_is_said_and_comes_last(session: Session) -> None:
     """A faster experiment is no finalist beside one that is clear; alone it is, and its words say how fast."""
     p = operating_range.operating_range(session)
     by_name = {experiment.name: experiment for experiment in made(p.scale, catalogue.RECIPES)}
-    still = Rollout(np.zeros((2, 8)), p.law, 0.0, 0.0, session.dt)
+    still = Rollout(np.zeros((2, 8)), p.law, LogStart(0.0, 0.0), session.dt)
     planned = prediction_distance.PlannedRun(still, prediction_distance.noise_of(session, NAN), True)
     fast = experiment_proposal.SimulatedExperiment(
         by_name["fast-cruise"], planned, 500.0, 1.3 * p.seen.current, 1.5 * p.seen.speed
@@ -249,7 +250,9 @@ def test_whitened_white_noise_has_a_variance_of_one(session: Session) -> None:
     random = np.random.default_rng(3)
     flat = prediction_distance.RepeatNoise(np.array([0.0, 1000.0]), np.full(2, 2.0 * session.dt * 4.0), np.ones(2))
     law = operating_range.operating_range(session).law
-    planned = prediction_distance.PlannedRun(Rollout(np.zeros((20000, 8)), law, 0.0, 0.0, session.dt), flat, True)
+    planned = prediction_distance.PlannedRun(
+        Rollout(np.zeros((20000, 8)), law, LogStart(0.0, 0.0), session.dt), flat, True
+    )
     signal = 2.0 * random.standard_normal(20000)
     density = prediction_distance._whitened(planned, signal, flat.position, 0.0)
     frequency = np.fft.rfftfreq(20000, session.dt)

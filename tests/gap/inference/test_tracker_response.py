@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.inference import tracker_response
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals import model_tracking
+from stagectl.gap.residuals import model_tracking, tracker_response
 from stagectl.gap.residuals.sensitivities import TrackedModel
 
 BALL_SCREW = Path(__file__).parents[3] / "config" / "ball-screw.yaml"

@@ -14,8 +14,9 @@ from scipy.signal import butter, savgol_filter, sosfiltfilt, welch
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.experiment_design import battery, catalogue
 from stagectl.gap.experiment_design.experiment import Experiment
-from stagectl.gap.inference import basis_functions, tracker_response
+from stagectl.gap.inference import basis_functions
 from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.residuals import tracker_response
 from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import model_of, model_residual
 from stagectl.kernels import rollout, stage

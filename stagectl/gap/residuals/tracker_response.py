@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stagectl.gap.inference.thresholds import LEAST_TRACKED
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.sensitivities import TrackedModel
+from stagectl.gap.residuals.thresholds import LEAST_TRACKED
 from stagectl.kernels.plant import Mechanics
 
 Response = NDArray[np.complex128]
