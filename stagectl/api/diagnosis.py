@@ -19,6 +19,7 @@ from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import excluded
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.sources import Description
+from stagectl.gap.logs.unit_check import check_units
 from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffect, Gap, NextExperiment, Spans
 from stagectl.gap.steps import in_percent
@@ -174,6 +175,7 @@ def diagnose(
     exclude: Iterable[str] = (),
     full: bool = False,
     advice: bool = True,
+    doubtful: bool = False,
     progress: ProgressOption = False,
 ) -> GapDiagnosis:
     """Say where the gap between model and machine lies, which effect causes it, and how far it shrinks.
@@ -182,7 +184,8 @@ def diagnose(
     none; without a stage file, `model` is the block ``stage`` of a ``nominal.yaml``: kind, force_constant, inertia, ...
     (SI), or a MuJoCo model: ``FILE.xml``, ``FILE.xml#JOINT``.  `columns` names the columns of single logs, see
     `load_log`.  `exclude` names effects that must not be candidates; `full` takes a larger null ensemble; without
-    `advice` no next experiment is sought.
+    `advice` no next experiment is sought.  `doubtful` diagnoses logs that fit the model only in another unit or with
+    the other sign.
 
     Raises GapError where the logs cannot be diagnosed, RecordingError where they cannot be read.
     """
@@ -190,6 +193,8 @@ def diagnose(
     options = pipeline.Options(excluded(list(exclude)), full, advice)
     said = _described(named_columns(columns), model)
     logs = load_session.load(places, None if stage is None else as_stage(stage).setup, said)
+    if not doubtful:
+        check_units(logs)
     with reported(progress, "diagnosis", 100) as update:
         outcome = pipeline.diagnose(logs, options, in_percent(update))
         update(100, 100)

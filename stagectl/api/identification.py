@@ -119,9 +119,9 @@ class IdentifiedModel(ReportedResult):
 
     @checked
     def write(self, path: PathLike, *, doubtful: bool = False) -> list[Change]:
-        """Patch the stage file at `path`, or a copy of this stage's where there is none; comments stay.
+        """Write a copy of the stage file with these parameters to `path`, or patch that file itself; comments stay.
 
-        Raises as `apply` does, and ConfigError where the result would be refused.
+        Raises as `apply` does, and ConfigError where another file is there or the result would be refused.
         """
         self._check(Path(path), doubtful)
         return write(self.stage.path, Path(path), self.changes)

@@ -90,13 +90,11 @@ class TunedGains(ReportedResult):
 
     @checked
     def write(self, path: PathLike) -> list[Change]:
-        """Patch the stage file at `path`, or a copy of this stage's where there is none; comments stay.
+        """Write a copy of the stage file with these gains to `path`, or patch that file itself; comments stay.
 
-        Raises ConfigError where the result would be refused.
+        Raises ConfigError where another file is there, or the result would be refused.
         """
-        target = Path(path)
-        base = load_stage(target, judged=False) if target.exists() else self.stage
-        return write(self.stage.path, target, self._changes(families.law_of(base.setup.file.control)))
+        return write(self.stage.path, Path(path), self._changes(families.law_of(self.stage.setup.file.control)))
 
     def _changes(self, before: str) -> Mapping[str, Any]:
         """What the stage file must hold, by dotted name (SI); another law than `before` replaces its whole block."""

@@ -44,6 +44,9 @@ Full = Annotated[
     bool,
     typer.Option("--full", help="A null ensemble three times as large, six times the resamples: a quarter longer."),
 ]
+Doubtful = Annotated[
+    bool, typer.Option("--doubtful", help="Go on with logs that fit the model only in another unit or sign.")
+]
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where diagnosis.json goes, else into the folder.")
 ]
@@ -78,6 +81,7 @@ def diagnose(
     report: Report = None,
     output: Output = None,
     full: Full = False,
+    doubtful: Doubtful = False,
 ) -> None:
     """Say where the gap between simulator and machine lies, which effect causes it, and how far it shrinks.
 
@@ -97,6 +101,7 @@ def diagnose(
         model=_values(model),
         exclude=exclude or (),
         full=full,
+        doubtful=doubtful,
         progress=True,
     )
     target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)

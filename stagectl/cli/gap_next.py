@@ -71,7 +71,17 @@ def _written(proposal: NextExperiment, folder: Path, output: Path | None) -> Pat
     console.print(f"wrote {path}; to run it, and to diagnose again with it:")
     for line in _commands(proposal, place, path):
         console.print(line, style="bold")
+    if not _holds_logs(place):
+        console.print(
+            "A recording of stagectl is diagnosed without logs of other programs. To diagnose them together, make the "
+            "motion with the program that wrote the logs (--samples FILE.csv), and give its log after theirs."
+        )
     return path
+
+
+def _holds_logs(place: Path) -> bool:
+    """Whether the folder of the answer is that of the logs, so that a further one may join them."""
+    return (place / "captures.yaml").is_file() or any(place.glob("*.h5"))
 
 
 def _commands(proposal: NextExperiment, place: Path, path: Path) -> list[str]:
@@ -81,8 +91,9 @@ def _commands(proposal: NextExperiment, place: Path, path: Path) -> list[str]:
             f"stagectl run STAGE.yaml {path}, or as your machine does it; add the log to {place / 'captures.yaml'}",
             f"stagectl gap diagnose {place}",
         ]
-    recording = place / f"{proposal.name}-1.h5"
-    return [f"stagectl run STAGE.yaml {path} --output {recording}", f"stagectl gap diagnose {place}"]
+    folder = place if _holds_logs(place) else place.with_name(f"{place.name}-{proposal.name}")
+    recording = folder / f"{proposal.name}-1.h5"
+    return [f"stagectl run STAGE.yaml {path} --output {recording}", f"stagectl gap diagnose {folder}"]
 
 
 def _sampled(diagnosis: DiagnosisResult, trajectory: Path, rate: float, path: Path) -> None:

@@ -43,7 +43,8 @@ Without = Annotated[
     ),
 ]
 Write = Annotated[
-    Path | None, typer.Option("--write", metavar="STAGE.yaml", help="Patch this stage file; its comments stay.")
+    Path | None,
+    typer.Option("--write", metavar="STAGE.yaml", help="Write the result into a copy, or the file itself."),
 ]
 Report = Annotated[
     Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into recordings/.")

@@ -102,7 +102,7 @@ def deliver(result: ReportedResult, page: Path | None, json: str | None) -> None
 
 
 def patch(stage: Path, target: Path | None, write: Callable[[Path], Sequence[Change]]) -> None:
-    """Let `write` change the stage file `target`, a copy of `stage` where there is none, and print the changes."""
+    """Let `write` make the stage file `target`, a copy of `stage` if it is another one, and print the changes."""
     if target is None:
         return
     copied = "" if target.exists() else f", a copy of {stage} with"

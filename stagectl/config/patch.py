@@ -65,15 +65,17 @@ class Entry(NamedTuple):
 
 
 def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]:
-    """Patch the stage file `target`, or a copy of `source` where there is none; SI values by dotted name.
+    """Write `target`, a copy of the stage file `source` with SI values by dotted name; or patch `source` itself.
 
-    Raises ConfigError where the result would be refused, or not be read back as it was meant; `target` is then as it
-    was.
+    Raises ConfigError where another file of that name is there, the result would be refused, or would not be read back
+    as it was meant; `target` is then as it was.
     """
-    base = target if target.exists() else source
-    axis = load_stage(base, designed=False).file.axis  # the patch may be what makes a refused loop run
-    result = patched(read_text(base), values, Lengths(axis.kind, axis.lead))
-    with base.open("rb") as file:
+    if target.exists() and not target.samefile(source):
+        reason = f"{target} exists: choose another name, or patch that file by naming it as the stage file"
+        raise ConfigError(Problem(reason, ProblemKind.CONFLICT))
+    axis = load_stage(source, designed=False).file.axis  # the patch may be what makes a refused loop run
+    result = patched(read_text(source), values, Lengths(axis.kind, axis.lead))
+    with source.open("rb") as file:
         mark = _MARK if file.read(3) == _MARK else b""
     replace_file(target, mark + result.text.encode(), lambda path: check_values(load_stage(path).file, result))
     return list(result.changes)

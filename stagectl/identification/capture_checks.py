@@ -1,18 +1,16 @@
 """Captures that look wrong: an axis that did not move, units by a factor of a thousand, a clipped current.
 
-The stage file is the measure: its limits, its encoder, and its model.  The model's force is compared with the captured
-one as recorded and after each mistake that people make.  Nominal values may be wrong by a factor of three without a
-complaint.
+The stage file is the measure: its limits, its encoder, and its model.  Nominal values may be wrong by a factor of three
+without a complaint.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy import signal
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
@@ -20,32 +18,10 @@ from stagectl.identification.capture import Array, Capture
 from stagectl.identification.result import Note, Topic
 from stagectl.kernels import stage
 from stagectl.number_format import duration, length
+from stagectl.recording import wrong_units
 from stagectl.recording.clipping import clipped
 from stagectl.units import LINEAR
 
-TURN = "positive current must move towards positive positions: turn the sign in the log, or go on with --doubtful"
-ADVICE = "name the unit in the column's header or in --columns (position=3:mm), or go on with --doubtful"
-
-
-class Mistake(NamedTuple):
-    """Factors that would correct a capture's columns."""
-
-    time: float
-    position: float
-    current: float
-    words: str
-
-
-MISTAKES = (
-    Mistake(1e-3, 1.0, 1.0, "the times are in ms (divide them by 1000)"),
-    Mistake(1e3, 1.0, 1.0, "the times are a thousand times too small"),
-    Mistake(1.0, 1e-3, 1.0, "the positions are a thousand times too large"),
-    Mistake(1.0, 1e3, 1.0, "the positions are a thousand times too small"),
-    Mistake(1.0, math.pi / 180.0, 1.0, "the positions are in degrees"),
-    Mistake(1.0, 1.0, 1e-3, "the currents are in mA (divide them by 1000)"),
-    Mistake(1.0, 1.0, 1e3, "the currents are a thousand times too small"),
-    Mistake(1.0, 1.0, -1.0, "the current has the opposite sign"),
-)
 # Powers of ten that a wrong unit puts on J ~ i t^2/x, D ~ i t/x and friction ~ i.
 _DECADES = (
     ("positions a thousand times too large", {"inertia": -3, "viscous": -3, "coulomb": 0}),
@@ -77,16 +53,14 @@ def suspicions(capture: Capture, setup: Setup) -> list[Note]:
                 "another column with --current, or record the current",
             )
         ]
-    motion = _motion(capture)
+    motion = wrong_units.motion(capture.position, capture.current, capture.dt)
     doubts = [*_beyond_limits(capture, motion, setup), *_flat(capture, setup), *_frozen(capture, setup)]
     doubts += _swapped(capture)
-    mistake = likely_mistake(motion, setup)
+    mistake = wrong_units.likely_mistake(motion, setup.stage)
     if mistake is not None:
-        advice = TURN if mistake.current < 0.0 else ADVICE
-        text = f"the force fits the stage file's model if {mistake.words}, and does not as it is: {advice}"
-        doubts.append(Note(Topic.UNITS, text))
+        doubts.append(Note(Topic.UNITS, mistake.sentence))
     elif doubts and doubts[-1].topic is Topic.LIMIT:
-        doubts[-1] = Note(Topic.LIMIT, f"{doubts[-1]}: {ADVICE}")
+        doubts[-1] = Note(Topic.LIMIT, f"{doubts[-1]}: {wrong_units.ADVICE}")
     return doubts or _jumps(capture, setup)
 
 
@@ -118,29 +92,6 @@ def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:
     ]
     cause = f" ({' or '.join(causes)})" if causes and len(powers) == len(ratios) else ""
     return [f"{'; '.join(words)}: not the same machine, or a wrong unit{cause}"]
-
-
-class _LowPassedMotion(NamedTuple):
-    """Columns (n,) that passed one low-pass."""
-
-    velocity: Array
-    acceleration: Array
-    current: Array
-
-
-def _motion(capture: Capture) -> _LowPassedMotion:
-    """Columns averaged in blocks to at most `CHECKED_ROWS` rows, then low-passed, without the ends."""
-    block = 1 + len(capture.position) // thresholds.CHECKED_ROWS
-    rows = len(capture.position) // block
-    edge = min(round(1.0 / thresholds.MOTION_BAND), rows // 8)
-    inside = slice(edge, rows - edge)
-    sos = signal.butter(2, 2.0 * thresholds.MOTION_BAND, output="sos")
-    x, i = (
-        np.asarray(signal.sosfiltfilt(sos, column[: rows * block].reshape(rows, block).mean(axis=1)), dtype=np.float64)
-        for column in (capture.position, capture.current)
-    )
-    v = np.gradient(x, block * capture.dt)
-    return _LowPassedMotion(v[inside], np.gradient(v, block * capture.dt)[inside], i[inside])
 
 
 def _jumps(capture: Capture, setup: Setup) -> list[Note]:
@@ -194,7 +145,7 @@ def _swapped(capture: Capture) -> list[Note]:
     return [Note(Topic.REFERENCE, f"{words}; exchange them in --columns or in the header, or go on with --doubtful")]
 
 
-def _beyond_limits(capture: Capture, motion: _LowPassedMotion, setup: Setup) -> list[Note]:
+def _beyond_limits(capture: Capture, motion: wrong_units.Motion, setup: Setup) -> list[Note]:
     limits, axis = setup.file.limits, setup.file.axis
     unit, scale = axis.travel_unit, axis.travel_per_unit
     width = limits.travel[1] - limits.travel[0]
@@ -210,30 +161,6 @@ def _beyond_limits(capture: Capture, motion: _LowPassedMotion, setup: Setup) -> 
         for value, limit, factor, name, words, limit_words in checks
         if value > thresholds.BEYOND_LIMIT * limit
     ]
-
-
-def likely_mistake(motion: _LowPassedMotion, setup: Setup) -> Mistake | None:
-    """The mistake without which the force would fit the stage file's model; None where none is likely."""
-    as_recorded = _unexplained(motion, setup, Mistake(1.0, 1.0, 1.0, ""))
-    share, best = min(
-        ((_unexplained(motion, setup, mistake), mistake) for mistake in MISTAKES), key=lambda pair: pair[0]
-    )
-    blind = as_recorded > thresholds.MODEL_DIFFERS and share < thresholds.MODEL_FITS
-    return best if blind or share < min(thresholds.MODEL_FITS, thresholds.MUCH_BETTER * as_recorded) else None
-
-
-def _unexplained(motion: _LowPassedMotion, setup: Setup, wrong: Mistake) -> float:
-    """Share of the captured force that the stage file's model does not give, after a correction."""
-    p = setup.stage
-    v = motion.velocity * (wrong.position / wrong.time)
-    a = motion.acceleration * (wrong.position / wrong.time**2)
-    coulomb = stage.sliding(p.friction)
-    slow = 1e-3 * float(np.abs(v).max())
-    model = p.mechanics.inertia * a + p.mechanics.viscous * v + coulomb * v / (np.abs(v) + slow)
-    force = p.motor.force_constant * wrong.current * motion.current
-    difference = (force - force.mean()) - (model - model.mean())
-    size = float(np.linalg.norm(force - force.mean()))
-    return float(np.linalg.norm(difference)) / size if size > 0.0 else math.inf
 
 
 def _flat(capture: Capture, setup: Setup) -> list[Note]:

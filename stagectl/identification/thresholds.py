@@ -24,10 +24,6 @@ LEAST_ENCODER_STEPS = 10.0  # encoder steps of travel from which an axis has mov
 # Checks of a capture against the stage file.  Chosen; a nominal model may be wrong by a factor of three.
 MOVED_STEPS = 2.5  # encoder steps: below, the axis did not move
 BEYOND_LIMIT = 1.5  # times a limit of the stage file: more than any overshoot
-MODEL_FITS, MODEL_DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
-MUCH_BETTER = 0.45  # times the unexplained share as recorded: a factor of 1000 is not found by chance
-MOTION_BAND = 0.02  # cycles a sample: the motion is below, noise above
-CHECKED_ROWS = 50_000  # rows that are looked at; longer captures are averaged in blocks
 COARSE_STEPS = 30.0  # encoder steps: coarser positions have lost digits
 WHOLE = 0.02  # of a step: a count as an export rounds it; a wrong unit is off by a half in one of two rows
 STEP_ROWS = 20000  # rows in which the step of the positions is looked for

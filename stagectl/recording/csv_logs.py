@@ -139,7 +139,7 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
             notes.append(f"{name} is left out: it is the load's, and the position is taken from the motor")
             continue
         try:
-            ours_and_factor = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
+            ours_and_factor = (own[name], 1.0) if exported and name in own else _meaning(name, scales)
         except StageError as error:
             if name.startswith(("time_", "position_", "motor_position_", "load_position_")):
                 raise RecordingError(f"{name} in {path}: {error}", path, ProblemKind.UNIT, column=name) from error

@@ -20,6 +20,7 @@ HAND = NextExperiment("added mass", "", ("inertia", "force_constant"), 0.0, 900.
 
 
 def following(folder: Path, proposed: NextExperiment | None, *options: str) -> int:
+    folder.mkdir(exist_ok=True)
     save(found("effects", next_experiment=proposed), folder)
     app = typer.Typer()
     app.command("next")(gap_next.following)
@@ -28,6 +29,7 @@ def following(folder: Path, proposed: NextExperiment | None, *options: str) -> i
 
 
 def test_the_file_and_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "slow-1.h5").touch()
     assert following(tmp_path, MOTION) == 0
     assert (tmp_path / "micro-sweep.yaml").read_text() == TEXT
     message = capsys.readouterr().err
@@ -36,6 +38,16 @@ def test_the_file_and_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture
     assert f"stagectl run STAGE.yaml {path} --output {tmp_path / 'micro-sweep-1.h5'}" in message
     assert f"stagectl gap diagnose {tmp_path}" in message
     assert following(tmp_path, MOTION) == 0  # again: the file is the same
+
+
+def test_logs_of_another_program_do_not_mix_with_a_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The answer lies in a folder without logs: the recording goes into another one, and the answer stays."""
+    assert following(tmp_path / "answer", MOTION) == 0
+    message = capsys.readouterr().err
+    folder = tmp_path / "answer-micro-sweep"
+    assert f"--output {folder / 'micro-sweep-1.h5'}" in message and f"stagectl gap diagnose {folder}" in message
 
 
 def test_a_folder_from_elsewhere_gets_a_capture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

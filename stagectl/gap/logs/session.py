@@ -26,7 +26,7 @@ class LogError(GapError):
 
     def __init__(self, reason: str, logs: tuple[str, ...], words: str) -> None:
         super().__init__(words)
-        # none | empty | short | duplicate | period | axis | mixed | machine | signal | entry | model
+        # none | empty | short | duplicate | period | axis | mixed | machine | signal | unit | entry | model
         self.reason = reason
         self.logs = logs  # their names
 

@@ -248,8 +248,8 @@ def backup(path: Path) -> Path:
 def applied(patch: Patch, target: Path | None = None) -> Path | None:
     """Write the patch into its file, or into a new file `target`; returns the backup of what was overwritten.
 
-    The result has been read back: it gives the same numbers.  Raises PatchError where `target` exists or the file is
-    not the one that was reviewed, ConfigError where the patched stage would be refused; nothing is changed then.
+    The result has been read back: it gives the same numbers.  Raises PatchError where the file is not the one that
+    was reviewed, ConfigError where `target` exists or the patched stage would be refused; nothing is changed then.
     """
     if read_text(patch.source) != patch.before:
         raise PatchError(
@@ -258,9 +258,6 @@ def applied(patch: Patch, target: Path | None = None) -> Path | None:
             patch.source,
         )
     if target is not None:
-        if target.exists():
-            message = f"{target} exists: choose another name, or patch that file by naming it as the stage file"
-            raise PatchError(message, "target", target)
         write(patch.source, target, patch.values)
         return None
     saved = backup(patch.source)

@@ -174,9 +174,9 @@ def where_unknown(term: UnknownTerm) -> str:
 
 def _distance(result: DiagnosisResult) -> str:
     """The figures: ``Tracking gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm.``."""
-    if result.verdict == "controller":
-        return ""
     name, gap = headline(result)
+    if result.verdict == "controller" or np.isnan(gap.before):
+        return ""
     (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, result.travel)
     unchanged = result.verdict in _NOTHING_CHANGED
     size = f"{before} {unit}" if unchanged else f"{before} -> {after} {unit}"

@@ -12,9 +12,12 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 
 
 def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
-    """`now` without one of its effects, everything else as it is."""
+    """`now` without one of its effects, everything else as it is; fitted anew where that cannot be simulated."""
     rest = tuple(other for other in now.effects if other is not valued)
-    return Fitted(now.model, rest, refine.residuals(e, now.model, rest), np.nan)
+    left = refine.residuals(e, now.model, rest)
+    if not np.isfinite(refine.total(e, left)):
+        return refine.refine(e, e.base.model, rest)
+    return Fitted(now.model, rest, left, np.nan)
 
 
 def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:

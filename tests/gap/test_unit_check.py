@@ -1,0 +1,52 @@
+"""Logs in wrong units or of the wrong sign are refused before anything is looked for in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stagectl as sc
+from stagectl.config.stage_file import load_stage
+from stagectl.gap.logs.load_session import load
+from stagectl.gap.logs.session import LogError
+from stagectl.gap.logs.unit_check import check_units
+from tests.gap.captured import CONFIG
+
+STAGE = CONFIG / "ball-screw.yaml"
+
+
+@pytest.fixture(scope="module")
+def rows() -> np.ndarray:
+    ran = sc.simulate(STAGE, CONFIG / "trajectories" / "sine-1.6hz.yaml")
+    return np.column_stack([ran[name] for name in ("time", "measured", "measured_current")])
+
+
+def _log(folder: Path, rows: np.ndarray, header: str) -> Path:
+    path = folder / "log.csv"
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+@pytest.mark.parametrize("factors", [(1.0, 1.0, 1e3), (1.0, 1.0, -1.0), (1.0, 1.0, 1e-3), (1.0, -1.0, 1.0)])
+def test_a_wrong_unit_or_sign_is_refused(tmp_path: Path, rows: np.ndarray, factors: tuple[float, ...]) -> None:
+    log = _log(tmp_path, rows * factors, "time_s,position_rad,current_A")
+    with pytest.raises(LogError) as caught:
+        sc.diagnose(log, stage=STAGE)
+    assert (caught.value.reason, caught.value.logs) == ("unit", ("log.csv",))
+
+
+@pytest.mark.parametrize("scale", [0.4, 1.0, 2.5])
+def test_another_machine_of_the_kind_is_not(tmp_path: Path, rows: np.ndarray, scale: float) -> None:
+    """Nominal values may be wrong by a factor of two and a half."""
+    log = _log(tmp_path, rows * (1.0, 1.0, scale), "time_s,position_rad,current_A")
+    check_units(load([log], load_stage(STAGE)))
+
+
+def test_a_header_of_ours_beside_one_in_another_unit(tmp_path: Path, rows: np.ndarray) -> None:
+    """The position as our own export names it, the current in mA: both are read."""
+    log = _log(tmp_path, rows * (1.0, 1.0, 1e3), "time_s,measured_rad,measured_current_mA")
+    session = load([log], load_stage(STAGE))
+    current = session.logs[0].current
+    assert current is not None and np.abs(current - rows[:, 2]).max() < 1e-6
