@@ -173,13 +173,17 @@ def test_an_alias_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_another_file(tmp_path: Path) -> None:
-    """A file that is there is patched, one that is not is a copy; mode and byte order mark stay."""
+    """It is a copy; a file that is there is only patched as its own source: mode and byte order mark stay."""
     source, other = stage(tmp_path), tmp_path / "other.yaml"
     write(source, other, {"mechanics.inertia": 0.02})
     assert other.read_text() == source.read_text().replace("0.010 kg m^2", "0.02 kg m^2")
     other.write_bytes(b"\xef\xbb\xbf" + other.read_bytes())
     other.chmod(0o640)
-    write(source, other, {"mechanics.viscous": 0.2})
+    before = other.read_bytes()
+    with refused(ConfigError, kind=ProblemKind.CONFLICT):
+        write(source, other, {"mechanics.viscous": 0.2})
+    assert other.read_bytes() == before
+    write(other, other, {"mechanics.viscous": 0.2})
     assert other.read_bytes().startswith(b"\xef\xbb\xbf#") and other.stat().st_mode & 0o777 == 0o640
     file = load_stage(other).file
     assert (file.mechanics.inertia, file.mechanics.viscous) == (0.02, 0.2)

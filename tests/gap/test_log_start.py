@@ -43,11 +43,11 @@ def _residual(path: MeasuredPath) -> model_tracking.ModelResidual:
 def test_a_motion_of_ours_begins_at_rest(machine: str, motion: str) -> None:
     """To the last bit: a model that begins at rest beside the machine has no residual of its own."""
     ran = sc.simulate(CONFIG / f"{machine}.yaml", CONFIG / "trajectories" / f"{motion}.yaml")
-    assert initial_velocity(ran["measured"], SETUP.dt) == 0.0
+    assert initial_velocity(np.asarray(ran["measured"], dtype=np.float64), SETUP.dt) == 0.0
 
 
 def test_a_parabola_from_rest_and_noise_have_no_velocity() -> None:
-    t = SETUP.dt * np.arange(200)
+    t = SETUP.dt * np.arange(200, dtype=np.float64)
     assert initial_velocity(5.0 * t * t, SETUP.dt) == 0.0
     assert initial_velocity(100.0 * t**3, SETUP.dt) == 0.0
     counts = np.round(np.random.default_rng(1).standard_normal((500, 9)))

@@ -46,7 +46,9 @@ def test_emps_has_no_delay_of_a_period_and_an_asymmetry() -> None:
     delay = named(result, "dead_time").parameters["dead_time"].value
     assert delay < 0.5e-3
     assert ("drive.delay_samples", 0) in named(result, "dead_time").fields
-    assert result.gap.after < 0.6 * result.gap.before
+    assert result.gap.after < 0.45 * result.gap.before
+    ripple = named(result, "cogging_map").parameters["order"].value  # of the pitch: the stage file's is 2 pi m
+    assert 2.0 * math.pi / ripple == pytest.approx(2.5e-3, rel=0.002)
     base = diagnose.baseline(session, ()).base.model.stage
     assert base.mechanics.inertia == pytest.approx(95.1, rel=0.02)
     assert base.mechanics.viscous == pytest.approx(203.5, rel=0.05)

@@ -73,7 +73,7 @@ def _effect(
         alternatives=_alternatives(name, selected),
         probability=selected.probability[name],
         share=0.0,
-        parameters=parameters(fitted, deviation, session.kind),
+        parameters=_with_period(parameters(fitted, deviation, session.kind), session),
         block=fitted.effect.block,
         fields=fields_of(equipped(now.model, rest).stage, now.equipped.stage),
         coordinate=fitted.effect.coordinate,
@@ -102,6 +102,15 @@ def parameters(fitted: EffectValues, deviation: Mapping[str, float], kind: str) 
     half = {name: NORMAL * deviation.get(f"{fitted.effect.name}.{name}", 0.0) for name in fitted.values}
     values = {name: Value(x, x - half[name], x + half[name], units[name]) for name, x in fitted.values.items()}
     return _harmonic(values, half) if "sine" in values and "cosine" in values else values
+
+
+def _with_period(values: dict[str, Value], session: Session) -> dict[str, Value]:
+    """The values; of a map its period first, as an order says nothing where the pitch is not known."""
+    if next(iter(values), "") != "order":
+        return values
+    order, pitch = values["order"], session.stage.mechanics.pitch
+    unit = "m" if session.kind == "linear" else "rad"
+    return {"period": Value(pitch / order.value, pitch / order.high, pitch / order.low, unit), **values}
 
 
 def _harmonic(values: dict[str, Value], half: Mapping[str, float]) -> dict[str, Value]:

@@ -32,6 +32,14 @@ class Samples(NamedTuple):
     current: Array  # A
 
 
+class Lines(NamedTuple):
+    """A spectrum over the position, against its surroundings."""
+
+    orders: Array  # (k,) of the pitch
+    height: Array  # (k,) power over the median of the surroundings
+    apart: float  # orders that the travel tells apart
+
+
 STANDING = Samples(*np.zeros((4, 1)))
 
 
@@ -60,18 +68,25 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str, tupl
 
 
 def _of_no_pitch(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str, tuple[float, ...]]:
-    """Orders of cogging where no run covers the `pitch`: periods of the position, from a share of the travel down.
+    """Orders of cogging where no run covers the `pitch`.
 
     A nominal model that gives no pitch has one of a whole turn, or of 2 pi m.
     """
+    found = lines(p, runs, pitch)
+    return {"cogging": peaks(found.orders, found.height, found.apart)}
+
+
+def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
+    """The spectrum of what `p` lacks over the position of the longest `runs`, from a quarter of their travel down."""
     travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
     turn = thresholds.STEPS_PER_TRAVEL * travel
     samples = _samples(p, runs, travel)
     grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, thresholds.MOST_PERIODS + 1)
-    spectrum = power(samples.effort[None], 2.0 * np.pi / turn * samples.position, grid)[0]
+    spectrum: Array = power(samples.effort[None], 2.0 * np.pi / turn * samples.position, grid)[0]
     # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
-    lines = spectrum / np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="nearest"), 1e-300)
-    return {"cogging": tuple(order * pitch / turn for order in peaks(grid, lines, thresholds.STEPS_PER_TRAVEL))}
+    around = np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="nearest"), 1e-300)
+    orders: Array = grid.astype(np.float64) * (pitch / turn)
+    return Lines(orders, spectrum / around, pitch / travel)
 
 
 def modes(runs: Sequence[Run], residuals: Sequence[list[Array]]) -> tuple[float, ...]:

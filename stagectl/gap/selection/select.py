@@ -22,7 +22,7 @@ import numpy as np
 
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.selection import candidates, constants, drive_alikes, linearised, refine
+from stagectl.gap.selection import candidates, constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised
 from stagectl.gap.selection.material import adequate, explains, is_material, without
@@ -50,7 +50,7 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     """
     now = drive_alikes.on_time(e, library, refine.start(e))
     while len(now.effects) < constants.MOST_EFFECTS:
-        after = _with_more(e, library, now) or _with_small(e, library, now)
+        after = _with_more(e, library, now) or _with_small(e, library, now) or waves.with_wave(e, library, now)
         if after is None:
             break
         after = drive_alikes.nearest(e, library, after)
@@ -138,12 +138,16 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     but for what would be missing without it.
     """
     left = linearised.excess(e, library, now)
-    small = (valued for valued in now.effects if is_trace(valued) and not is_material(e, library, now, valued))
+    lines = [valued for valued in now.effects if waves.is_wave(e, now, valued)]
+    others = [valued for valued in now.effects if valued not in lines]
+    small = (valued for valued in others if is_trace(valued) and not is_material(e, library, now, valued))
     if trace := next(small, None):
         return dropped(e, library, now, trace.effect.name, say)
     selection = Selection(now, left, {}, {}, {}, {})
+    for valued in lines:
+        _enter_line(e, library, selection, valued)
     empty: dict[str, float] = {}
-    for valued in now.effects:
+    for valued in others:
         at = _in_the_place_of(e, library, now, valued)
         selection.gains[valued.effect.name] = sum(at.excess) - sum(left)
         empty[valued.effect.name] = _empty(at)
@@ -198,6 +202,15 @@ def _enter(selection: Selection, at: Linearised, name: str) -> None:
     selection.probability[name] = present
     selection.alternatives[name] = dict(sorted(odds.items(), key=lambda pair: -pair[1]))
     selection.rivals[name] = rivals
+
+
+def _enter_line(e: Evidence, library: Library, selection: Selection, valued: EffectValues) -> None:
+    """A wave of the position stands by its line: the evidence of all that is missing says little of it."""
+    name, now = valued.effect.name, selection.fitted
+    rest = linearised.excess(e, library, without(e, now, valued))
+    selection.probability[name] = waves.probability(e, now, valued)
+    selection.gains[name] = sum(rest) - sum(selection.left)
+    selection.alternatives[name], selection.rivals[name] = {}, {}
 
 
 def _enter_scales(selection: Selection, others: Sequence[Fitted], name: str) -> None:

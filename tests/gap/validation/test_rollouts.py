@@ -17,15 +17,16 @@ STAGE = load_stage(CONFIG / "ball-screw.yaml").stage
 
 
 def log(name: str, experiment: str = "sine", start: float = 0.0, position: float = 0.0) -> Any:
+    rows = {"position": np.full(20, position), "command": np.zeros(20)}
     return SimpleNamespace(
-        name=name, experiment=experiment, start=start, position=np.array([position]), held_out=False, setpoints=None
+        name=name, experiment=experiment, start=start, held_out=False, setpoints=None, current=None, **rows
     )
 
 
 def simulated(monkeypatch: pytest.MonkeyPatch, stage: Any, logs: list[Any]) -> list[Any]:
     monkeypatch.setattr(rollouts, "simulated_log", lambda session, model, log: log.name)
     monkeypatch.setattr(rollouts, "in_parallel", lambda function, items: [function(item) for item in items])
-    session: Any = None
+    session: Any = SimpleNamespace(dt=5e-4)
     return rollouts.simulated_logs(session, stage, logs)
 
 
