@@ -154,7 +154,7 @@ def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
 
 def scales_of(session: Session, e: Evidence) -> Scales:
     """Sizes of the machine, with the orders of the pitch and the frequencies that stand out of the residual."""
-    of_pitch = orders(e.base.model, e.runs, session.stage.mechanics.pitch)
+    of_pitch = orders(e.base.model, e.runs, session.stage.mechanics.pitch, e.base.noise)
     size = candidates.scales(session, e.runs, of_pitch)._replace(modes=modes(e.runs, e.base.after))
     return size._replace(coulomb=max(size.coulomb, sliding(e.base.model.stage.friction)))  # a model may give none
 

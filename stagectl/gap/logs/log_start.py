@@ -6,6 +6,7 @@ none of the machine's.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,9 @@ from stagectl.gap.logs.session import Array
 from stagectl.kernels import stage
 
 ROWS = 9  # of the beginning, through which a parabola is fitted; chosen
-STANDARD_DEVIATIONS = 5.0  # of the parabola's misfit: a smaller move in these rows may be noise; chosen
+# Of the parabola's misfit, and of the smallest change between two rows: a smaller move in these rows may be noise, or
+# an encoder between two counts; chosen.
+STANDARD_DEVIATIONS, LEAST_STEPS = 8.0, 4.0
 # Of the mean velocity in these rows: an axis that had half of it in the first one was moving before; chosen.  Of an
 # axis that starts from rest a parabola says 0, or a velocity of the other sign.
 MOVING = 0.5
@@ -49,6 +52,8 @@ def initial_velocity(position: Array, dt: float) -> float:
     way = position[:ROWS] - position[0]
     fit = _FIT @ way
     moved, misfit = float(way[-1]), float(np.std(way - _PARABOLA @ fit))
+    steps = np.abs(np.diff(way))
+    least = max(STANDARD_DEVIATIONS * misfit, LEAST_STEPS * float(steps[steps > 0.0].min(initial=math.inf)))
     mean = moved / (ROWS - 1)
-    moving = abs(moved) > STANDARD_DEVIATIONS * misfit and mean * fit[1] > MOVING * mean * mean
+    moving = abs(moved) > least and mean * fit[1] > MOVING * mean * mean
     return float(fit[1]) / dt if moving else 0.0

@@ -1,13 +1,13 @@
 """Orders of the pitch and resonances in the residual effort: where to look for cogging, ripple, ball passes and modes.
 
 The periodogram runs over the angle, not over time: a machine's orders stay in place there while its speed changes.
-It is taken of the effort that acted.  The tracker's answer comes milliseconds later: fine orders lie elsewhere in
-either direction there, and cancel.
+It is taken of the effort at the instant at which it acted.  The tracker's answer comes milliseconds later: fine orders
+lie elsewhere in either direction there, and cancel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,14 +19,15 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import thresholds
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import TrackedModel, model_residual
-from stagectl.gap.residuals.tracker_response import untracked
+from stagectl.gap.residuals.tracker_response import in_time, untracked
+from stagectl.gap.residuals.whitening import Whitener, whitened
 from stagectl.parallel import in_parallel
 
 
 class Samples(NamedTuple):
     """Samples (n,) of all runs in which the axis moves well."""
 
-    effort: Array  # N m | N, what the model lacks
+    effort: Array  # what the model lacks
     position: Array  # rad | m
     direction: Array  # sign of the velocity
     current: Array  # A
@@ -43,11 +44,16 @@ class Lines(NamedTuple):
 STANDING = Samples(*np.zeros((4, 1)))
 
 
-def orders(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str, tuple[float, ...]]:
+def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) -> dict[str, tuple[float, ...]]:
     """Orders by effect, strongest first, in what `p` lacks along `runs`; `pitch`: the travel of a turn (rad | m)."""
+
+    def effort(run: Run) -> Array:
+        dt = run.mean.dt
+        return in_time(whitened(noise, model_residual(p, run.mean), dt)[:, 0], p, dt, thresholds.KEPT)
+
     if all(np.ptp(run.mean.rows[:, 1]) < thresholds.COVERED * pitch for run in runs):
         return _of_no_pitch(p, runs, pitch)
-    samples = _samples(p, runs, pitch)
+    samples = _samples(runs, pitch, p.stage.encoder.delay_samples, effort)
     angle = 2.0 * np.pi / pitch * samples.position
     whole = np.arange(1, thresholds.HIGHEST_ORDER + 1)
     steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.ORDERS_PER_WHOLE * thresholds.HIGHEST_ORDER // 2)
@@ -55,8 +61,7 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str, tupl
         np.abs(steps - thresholds.ORDERS_PER_WHOLE * np.round(steps / thresholds.ORDERS_PER_WHOLE))
         >= thresholds.APART_FROM_WHOLE
     ]
-    effort = samples.effort
-    signals = np.stack([effort, effort * samples.current, effort * samples.direction])
+    signals = np.stack([samples.effort, samples.effort * samples.current, samples.effort * samples.direction])
     cogging, ripple, lead = power(signals, angle, whole)
     balls = power(signals[2:], angle / thresholds.ORDERS_PER_WHOLE, steps)[0]
     return {
@@ -78,9 +83,13 @@ def _of_no_pitch(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str
 
 def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
     """The spectrum of what `p` lacks over the position of the longest `runs`, from a quarter of their travel down."""
+
+    def effort(run: Run) -> Array:
+        return untracked(model_residual(p, run.mean).effort, p, run.mean.dt)[:: thresholds.KEPT]
+
     travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
     turn = thresholds.STEPS_PER_TRAVEL * travel
-    samples = _samples(p, runs, travel)
+    samples = _samples(runs, travel, p.stage.encoder.delay_samples, effort)
     grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, thresholds.MOST_PERIODS + 1)
     spectrum: Array = power(samples.effort[None], 2.0 * np.pi / turn * samples.position, grid)[0]
     # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
@@ -104,21 +113,23 @@ def modes(runs: Sequence[Run], residuals: Sequence[list[Array]]) -> tuple[float,
     return peaks(frequency[within], prominence, thresholds.MODES_APART)
 
 
-def _samples(p: TrackedModel, runs: Sequence[Run], least: float) -> Samples:
-    """Samples of every run that covers nearly `least` (rad | m); a single zero where none does."""
+def _samples(runs: Sequence[Run], least: float, late: int, effort: Callable[[Run], Array]) -> Samples:
+    """Samples of every run that covers nearly `least` (rad | m); a single zero where none does.
+
+    `effort` gives every `KEPT`-th sample of a run; the position is read `late` (samples).
+    """
     far = [run for run in runs if np.ptp(run.mean.rows[:, 1]) >= thresholds.COVERED * least]
-    parts = in_parallel(lambda run: _moving(p, run), far)
+    parts = in_parallel(lambda run: _moving(run, effort(run), late), far)
     return Samples(*(np.concatenate(signals) for signals in zip(*parts, strict=True))) if parts else STANDING
 
 
-def _moving(p: TrackedModel, run: Run) -> Samples:
-    """Every `KEPT`-th sample of a run that moves; the position is that of the axis, not late as it is read."""
-    rows, dt, late = run.mean.rows, run.mean.dt, p.stage.encoder.delay_samples
-    effort = untracked(model_residual(p, run.mean).effort, p, dt)
-    position = np.pad(rows[late:, 1], (0, late), mode="edge")
-    velocity = np.gradient(position, dt)
-    signals = np.stack([effort, position, np.sign(velocity), rows[:, 0]])[:, :: thresholds.KEPT]
-    speed = np.abs(velocity)[:: thresholds.KEPT]
+def _moving(run: Run, effort: Array, late: int) -> Samples:
+    """The samples in which the run moves."""
+    rows = run.mean.rows
+    position = np.pad(rows[late:, 1], (0, late), mode="edge")[:: thresholds.KEPT]
+    velocity = np.gradient(position, run.mean.dt * thresholds.KEPT)
+    signals = np.stack([effort, position, np.sign(velocity), rows[:: thresholds.KEPT, 0]])
+    speed = np.abs(velocity)
     return Samples(*signals[:, (speed > thresholds.MOVING * speed.max(initial=0.0)) & (run.weight > 0.0)])
 
 

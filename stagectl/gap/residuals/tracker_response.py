@@ -61,3 +61,9 @@ def untracked(effort: Array, p: TrackedModel, dt: float) -> Array:
     response = tracking(p, lines_of(len(effort), dt), dt)
     inverse = (np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)).astype(np.complex128)
     return filtered(effort, inverse) * (1.0 + LEAST_TRACKED**2)
+
+
+def in_time(effort: Array, p: TrackedModel, dt: float, every: int) -> Array:
+    """The tracker's answer `effort` (n,), one of `every` samples of it, without its delay at any frequency."""
+    response = tracking(p, lines_of(len(effort), dt * every), dt)
+    return filtered(effort, np.conj(response) / np.maximum(np.abs(response), np.finfo(np.float64).tiny))
