@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -50,6 +50,7 @@ class GapDiagnosis(ReportedResult):
     diagnosis: DiagnosisResult
     session: Session
     improved: Stage  # the nominal model with all that was found
+    stage: Path = Path("STAGE.yaml")  # the file of the nominal model, where the user named one
 
     @property
     def verdict(self) -> str:
@@ -137,7 +138,7 @@ class GapDiagnosis(ReportedResult):
 
         others = 0 if self.place.is_dir() else len(self.session.logs) - 1
         logs = f"{self.place} and {others} more" if others else str(self.place)
-        return page(self.diagnosis, logs, [command] if command else [], str(folder or self.place))
+        return page(self.diagnosis, logs, [command] if command else [], str(folder or self.place), str(self.stage))
 
     @checked
     def patch(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> patch.Patch:
@@ -192,13 +193,15 @@ def diagnose(
     places = paths_of(session)
     options = pipeline.Options(excluded(list(exclude)), full, advice)
     said = _described(named_columns(columns), model)
-    logs = load_session.load(places, None if stage is None else as_stage(stage).setup, said)
+    setup = None if stage is None else as_stage(stage).setup
+    logs = load_session.load(places, setup, said)
     if not doubtful:
         check_units(logs)
     with reported(progress, "diagnosis", 100) as update:
         outcome = pipeline.diagnose(logs, options, in_percent(update))
         update(100, 100)
-    return GapDiagnosis(places[0], outcome.result, logs, outcome.improved)
+    answer = GapDiagnosis(places[0], outcome.result, logs, outcome.improved)
+    return answer if setup is None else replace(answer, stage=setup.path)
 
 
 def _described(columns: Mapping[str, str] | None, model: Mapping[str, float | str] | PathLike | None) -> Description:

@@ -260,6 +260,10 @@ def _fail(words: str, code: int = 2) -> NoReturn:
     from rich.console import Console
     from rich.text import Text
 
+    from stagectl.cli.show import with_stage
+
     # Text, not markup: brackets and colons of a file must appear unchanged.
-    Console(stderr=True, soft_wrap=True).print(Text.assemble(("error:", "bold red"), f" {words}"), highlight=False)
+    Console(stderr=True, soft_wrap=True).print(
+        Text.assemble(("error:", "bold red"), f" {with_stage(words)}"), highlight=False
+    )
     sys.exit(code)

@@ -26,11 +26,15 @@ if TYPE_CHECKING:
     from stagectl.config.patch import Change
 
 
+PLACEHOLDER = "STAGE.yaml"  # in a message, where its author does not know the file
+
+
 class _Plain:
     """Messages on standard error: plain text without rich, until something else needs it."""
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print as rich would; once it is loaded, it prints, as a bar may be on the screen."""
+        objects = tuple(with_stage(part) if isinstance(part, str) else part for part in objects)
         if options or terminal.cache_info().currsize or not all(isinstance(part, str) for part in objects):
             terminal().print(*objects, **options)
         else:
@@ -82,6 +86,16 @@ def typed_files() -> list[Path]:
     """The configuration files that the command names: a report holds their text."""
     paths = [Path(word) for word in sys.argv[1:] if word.endswith((".yaml", ".yml"))]
     return list(dict.fromkeys(path for path in paths if path.is_file()))
+
+
+def with_stage(words: str) -> str:
+    """`words` that can be typed: with the stage file of this command where they say ``STAGE.yaml``."""
+    if PLACEHOLDER not in words:
+        return words
+    from stagectl.cli.configuration import kind
+
+    stage = next((path for path in typed_files() if kind(path) == "stage"), None)
+    return words if stage is None else words.replace(PLACEHOLDER, shlex.quote(str(stage)))
 
 
 def write_page(result: ReportedResult, path: Path) -> Path:

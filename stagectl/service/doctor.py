@@ -232,12 +232,19 @@ def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
 
 def _read(setup: Setup, wire: Canopen, joined: Bus) -> Iterator[Check]:
     if not virtual_drive.answers(wire):
-        fix = "switch the drive on; check node id, bit rate and termination"
-        yield Check("drive", False, f"node {wire.node} does not answer", fix)
+        yield _nobody(wire)
         return
     access = ObjectAccess(wire, PumpedNode(wire.node, load_eds(wire.eds, wire.node), joined))
     yield from _options(access)
     yield _protection(setup, wire, access)
+
+
+def _nobody(wire: Canopen) -> Check:
+    """No drive answers; on the embedded bus a motion brings one."""
+    words = f"node {wire.node} does not answer"
+    if wire.interface == "embedded":
+        return Check("drive", True, f"{words} on the embedded bus: `stagectl run` and `serve` start a virtual one")
+    return Check("drive", False, words, "switch the drive on; check node id, bit rate and termination")
 
 
 def _options(drive: ObjectAccess) -> Iterator[Check]:
@@ -258,7 +265,7 @@ def _protection(setup: Setup, wire: Canopen, drive: ObjectAccess) -> Check:
         protection = outlook(wire, drive.offered, axis_limits(setup.file, waits_for_sync(setup)))
     except DriveError as error:
         return Check("protection", False, str(error), "check that the EDS belongs to this drive")
-    fix = "`stagectl drive probe STAGE.yaml`; see drive.wire.accept in the manual for what may be accepted"
+    fix = f"`stagectl drive probe {setup.path}`; see drive.wire.accept in the manual for what may be accepted"
     return Check("protection", protection.good, protection.words, fix)
 
 

@@ -85,7 +85,12 @@ def test_wrong_node_id(command: Command, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("stagectl.workflows.motion.open_bus", lambda *_: Answering("alone"))
     monkeypatch.setattr("stagectl.workflows.motion.drive_present", lambda *_: contextlib.nullcontext())
     stage = stage_with("node: 5", "node: 9")
-    ends(command("drive", "probe", stage), "node 9 does not answer", "node 5 does: set 'node: 5'", "stagectl doctor")
+    ends(
+        command("drive", "probe", stage),
+        "node 9 does not answer",
+        "node 5 does: set 'node: 5'",
+        f"stagectl doctor {stage}",
+    )
 
 
 def test_bus_down(command: Command) -> None:

@@ -40,7 +40,7 @@ def texts(verdict: str) -> list[str]:
     [
         ("none", "does not exceed the noise significantly", "Next steps"),
         ("parameters", "0.1681 N m s/rad (0.1665 to 0.1697)", "Ambiguities"),
-        ("effects", "stagectl run STAGE.yaml next/stairs-both-ways.yaml", "Unexplained"),
+        ("effects", "stagectl run STAGE.yaml captures/next/stairs-both-ways.yaml", "Unexplained"),
         ("effects+unknown", "Unexplained", "does not exceed"),
         ("unknown", "repeats and has no known cause", "Parameters"),
         ("controller", "The integral gain looks like 0.5 of the nominal one.", "How far it shrinks"),
@@ -63,9 +63,9 @@ def test_every_verdict_has_its_page(
 
 def test_the_next_commands_read_the_stored_answer() -> None:
     """Logs may be single files: `gap apply` reads the folder that the answer is in."""
-    made = page(FOUND["effects"], "slow.csv", [], "answer")
+    made = page(FOUND["effects"], "slow.csv", [], "answer", "my stage.yaml")
     commands = [command for section in made.sections for command in section.commands]
-    assert "stagectl gap apply answer STAGE.yaml" in commands
+    assert "stagectl gap apply answer 'my stage.yaml'" in commands
     assert not any("slow.csv" in command for command in commands)
 
 

@@ -73,6 +73,11 @@ def test_the_drives_stops_in_words(ball_screw: Setup, bench: Workbench, tmp_path
     assert "0x6007" in worst.fix
 
 
+def test_a_drive_that_a_motion_starts_is_no_fault(ball_screw: Setup, bench: Workbench, tmp_path: Path) -> None:
+    check = found(ball_screw.with_wire(channel=bench.channel), tmp_path, served=False)["drive"]
+    assert check.good and not check.fix
+
+
 def test_everything_red_says_what_fixes_it(command: Command, tmp_path: Path) -> None:
     code, out, _ = command("doctor", CONFIG / "ball-screw.yaml", "--state", tmp_path, "--json", "-")
     result = json.loads(out)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shlex
+from pathlib import Path
 
 from matplotlib.figure import Figure
 
@@ -17,11 +19,15 @@ from stagectl.report.gap.chain import SIGNALS, chain
 from stagectl.report.page import Page, Picture, Section
 from stagectl.report.tables import gap as tables
 
+_ANY_STAGE = "STAGE.yaml"  # of logs that no file is known for
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b)")
 
 
-def page(result: DiagnosisResult, place: str, commands: list[str], stored: str = "") -> Page:
-    """The page of the diagnosis of the logs at `place`; `commands` do it again, those that follow read `stored`."""
+def page(result: DiagnosisResult, place: str, commands: list[str], stored: str = "", stage: str = _ANY_STAGE) -> Page:
+    """The page of the diagnosis of the logs at `place`; `commands` do it again, those that follow read `stored`.
+
+    `stage` is the stage file that those that follow take.
+    """
     parts = (_loop, _motion, _shares, _distance, _unknown, _following, _parameters, _limits)
     sections = [part(result, stored or place) for part in parts]
     return Page(
@@ -32,8 +38,13 @@ def page(result: DiagnosisResult, place: str, commands: list[str], stored: str =
         [],
         commands,
         versions(),
-        sections=tuple(section for section in sections if section is not None),
+        sections=tuple(_of_stage(section, stage) for section in sections if section is not None),
     )
+
+
+def _of_stage(section: Section, stage: str) -> Section:
+    """The section with this stage file in its commands."""
+    return section._replace(commands=tuple(line.replace(_ANY_STAGE, shlex.quote(stage)) for line in section.commands))
 
 
 def typeset(text: str) -> str:
@@ -147,7 +158,7 @@ def _unknown(result: DiagnosisResult, place: str) -> Section | None:
         return Section(_UNKNOWN_TITLE, [text], [], [], ())
     text = f"A part of the gap repeats and has no known cause: {verdict_text.where_unknown(term)}."
     pictures = [_picture(figures.unknown(result), _CAPTIONS.get(term.coordinate, _CAPTION))]
-    commands = (f"stagectl gap apply {place} STAGE.yaml --unknown",) if term.fields else ()
+    commands = (f"stagectl gap apply {place} {_ANY_STAGE} --unknown",) if term.fields else ()
     return Section(_UNKNOWN_TITLE, [text], pictures, [], commands)
 
 
@@ -156,10 +167,11 @@ def _following(result: DiagnosisResult, place: str) -> Section | None:
     lines = [*ambiguous, *verdict_text.advice(result)]
     commands = []
     if result.next_experiment is not None and result.next_experiment.trajectory:
-        commands = [f"stagectl gap next {place}", f"stagectl run STAGE.yaml {result.next_experiment.trajectory}"]
+        written = Path(place) / result.next_experiment.trajectory
+        commands = [f"stagectl gap next {place}", f"stagectl run {_ANY_STAGE} {written}"]
     if any(effect.fields for effect in result.named):
         lines.append("The last command adds the named effects to the stage file. It shows the patch before it writes.")
-        commands.append(f"stagectl gap apply {place} STAGE.yaml")
+        commands.append(f"stagectl gap apply {place} {_ANY_STAGE}")
     title = "Ambiguities and next steps" if ambiguous else "Next steps"
     return Section(title, lines, [], [], tuple(commands)) if lines else None
 
