@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.drives.drive import Fault
+from stagectl.number_format import length
 
 WINDOW_COUNTS = 50.0  # in position: within so many encoder counts of the reference, over the last DWELL
 DWELL = 0.05  # s
+START = 0.1  # s of a motion in which its error tells of the friction's state before it, which nobody knows
+REST = 0.08  # s at the end of a run: the axis has settled, and its current shows whether the loop does
 
 
 def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
@@ -30,6 +33,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
         "unit": meta["axis"]["travel_unit"],
         "steady": meta["steady"],
         "tracking_error": size(error[inside]),
+        "tracking_error_after_start": size(error[inside & started(samples, meta)]),
         "nd": meta["nd"],
         "nm": meta["nm"],
         "cycles": len(samples),
@@ -37,6 +41,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
         "effects_limited_cycles": meta.get("effects_limited", 0),
         "saturated_cycles": int(np.sum(samples["command"] != samples["current"])),
         "peak_current": float(np.max(np.abs(samples["current"]), initial=0.0)),
+        "current_at_rest": current_at_rest(samples, meta),
         "travelled": travelled(samples["measured"] * scale),
         "open_loop": not bool(np.any(closed(samples))),
         "in_position": in_position(samples, meta),
@@ -78,6 +83,29 @@ def tracking_error(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.fl
 def window(time: NDArray[np.float64], steady: list[float]) -> NDArray[np.bool_]:
     """Rows within the steady window (s)."""
     return (time >= steady[0]) & (time < steady[1])
+
+
+def started(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.bool_]:
+    """Rows (n,) after the start of the motion, where the steady window holds it."""
+    after: NDArray[np.bool_] = samples["time"] >= meta["steady"][0] + (START if meta["steady"][0] == 0.0 else 0.0)
+    return after
+
+
+def after_start(result: dict[str, Any]) -> str:
+    """The peak error after the start in words, where it is less than half of the whole peak; else empty."""
+    whole, later = result["tracking_error"]["peak"], result["tracking_error_after_start"]["peak"]
+    if whole is None or later is None or later > 0.5 * whole:
+        return ""
+    return f"after the first {START:g} s within {length(later, result['unit'])}"
+
+
+def current_at_rest(samples: NDArray[Any], meta: dict[str, Any]) -> float | None:
+    """Peak to peak (A) of the current at the end of the run; None where the axis is not held at rest there."""
+    last = samples[-round(REST / meta["dt"]) :]
+    if not in_position(samples, meta) or not closed(last).all() or np.ptp(last["reference"]):
+        return None
+    measured = last["measured_current"]
+    return float(np.ptp(measured if np.isfinite(measured).all() else last["current"]))
 
 
 def size(error: NDArray[np.float64]) -> dict[str, float | None]:

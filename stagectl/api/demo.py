@@ -73,14 +73,24 @@ def _page(pairs: list[Pair], output: Path) -> Page:
             "Simulated: a virtual CANopen drive with the paper's ball-screw stage inside. Controller and drive are "
             "two processes that talk CAN over a bus of Unix sockets; PID at 40 Hz and perfect tracking feedforward "
             "in both runs, Ts 0.5 ms, nd = 1.",
+            "Shaded in the figures: the full amplitude, where the error is taken.",
             f"{cycles} control cycles, {late} of them late. The virtual plant moves one period per SYNC, so a late "
             "cycle does not disturb it; on a machine it would.",
         ],
-        [Picture(embedded(motion([pair])), f"{pair.title}; shaded: where the error is taken.") for pair in figures],
+        [
+            Picture(embedded(motion([figure])), _caption(figure.title, *pair))
+            for figure, pair in zip(figures, pairs, strict=True)
+        ],
         [Table("Tracking error", _HEAD, [_row(*pair) for pair in pairs])],
         ["make run", *(f".venv/bin/stagectl replay {pair[1].path}" for pair in pairs)],
         versions(),
+        narrow=True,
     )
+
+
+def _caption(title: str, *pair: MotionRecord) -> str:
+    bare, compensated = (length(record.summary["tracking_error"]["peak"], "m") for record in pair)
+    return f"{title}: the error peaks at {bare} without friction compensation, at {compensated} with it."
 
 
 _HEAD = [

@@ -157,21 +157,14 @@ def message_event(words: str) -> dict[str, Any]:
 
 def summary(result: dict[str, Any]) -> str:
     """The run in plain words."""
-    error, unit = result["tracking_error"], result["unit"]
-    window = f"{result['steady'][0]:.3g} to {result['steady'][1]:.3g} s"
-    words = (
-        f"tracking error peak {length(error['peak'], unit)}, rms {length(error['rms'], unit)} over {window} "
-        f"(nd = {result['nd']})"
-    )
-    if result["open_loop"]:
-        low, high = (length(end, unit) for end in result["travelled"])
-        words = f"the loop was open; the axis moved from {low} to {high}, peak current {result['peak_current']:.3g} A"
-    lines = [f"{result['stage']}, {result['trajectory']}: {words}"]
+    lines = [f"{result['stage']}, {result['trajectory']}: {_achieved(result)}"]
+    if result["current_at_rest"] is not None:
+        lines.append(f"current at rest: {result['current_at_rest']:.2g} A peak to peak")
     if result["fault"] and result["simulated"]:
         lines.append(result["fault"])
     if result["late_cycles"]:
         late = f"{result['late_cycles']} of {result['cycles']} cycles were late"
-        lines.append(f"{late}: `stagectl doctor STAGE.yaml` says what this computer lacks")
+        lines.append(f"{late}: `stagectl doctor {PLACEHOLDER}` says what this computer lacks")
     if limited := result["effects_limited_cycles"]:
         lines.append(f"the current against the model's effects was limited to its share in {limited} cycles")
     if result["saturated_cycles"]:
@@ -179,6 +172,18 @@ def summary(result: dict[str, Any]) -> str:
     if not result["in_position"]:
         lines.append("the axis did not settle in position")
     return "\n".join(lines)
+
+
+def _achieved(result: dict[str, Any]) -> str:
+    """How the axis moved."""
+    from stagectl.evaluation import after_start
+
+    if result["open_loop"]:
+        low, high = (length(end, result["unit"]) for end in result["travelled"])
+        return f"the loop was open; the axis moved from {low} to {high}, peak current {result['peak_current']:.3g} A"
+    peak, rms = (length(result["tracking_error"][kind], result["unit"]) for kind in ("peak", "rms"))
+    window = f"{result['steady'][0]:.3g} to {result['steady'][1]:.3g} s (nd = {result['nd']})"
+    return "; ".join(filter(None, (f"tracking error peak {peak}, rms {rms} over {window}", after_start(result))))
 
 
 def without_compiler() -> None:

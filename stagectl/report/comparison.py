@@ -9,7 +9,6 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from stagectl.evaluation import tracking_error, window
@@ -17,12 +16,12 @@ from stagectl.number_format import prefix
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
 from stagectl.report import interactive
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, drawing, embedded
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, drawing, embedded, plain_decades
 from stagectl.report.page import Page, Picture
 from stagectl.report.tables.comparison import tables
 
 Result = dict[str, Any]
-WIDTH = 4.1  # inches: three fit side by side on a page, with letters as large as the captions
+WIDTH = 5.4  # inches: two fit side by side on a page, with letters as large as the captions
 
 
 def page(result: Result, commands: list[str]) -> Page:
@@ -32,10 +31,11 @@ def page(result: Result, commands: list[str]) -> Page:
         (line for line in result["verdict"] if line.startswith((f"{result['best']} ", f"{result['best']}:"))),
         result["verdict"][-1],
     )
+    begin, end = open_recording(Path(result["variants"][0]["recordings"][-1])).meta["steady"]
     where = "simulated" if result["simulated"] else "on the drive"
     about = (
         f"{result['stage']}, {result['trajectory']}, {where}: {len(names)} variants, {repeats} repeats each, in an "
-        "order that a Latin square balances; peak and rms of the tracking error over the steady window."
+        f"order that a Latin square balances. The tracking error is taken from {begin:.3g} to {end:.3g} s."
     )
     return Page(
         f"stagectl compare: {', '.join(names)}",
@@ -50,10 +50,8 @@ def page(result: Result, commands: list[str]) -> Page:
 
 def _pictures(result: Result) -> list[Picture]:
     drawn = [
-        Picture(embedded(peaks(result)), "Peak error of each repeat; the bar is the mean. Logarithmic."),
-        interactive.picture(
-            errors(result), "Error over the steady window, last repeat of each variant. The scales differ."
-        ),
+        Picture(embedded(peaks(result)), "Peak error of each repeat, and their mean (bar), on a logarithmic scale."),
+        interactive.picture(errors(result), "Tracking error of the last repeat of each variant. The scales differ."),
     ]
     if result["learned"]:
         drawn.append(Picture(embedded(courses(result["learned"])), "Error over the whole run, trial by trial."))
@@ -101,13 +99,7 @@ def _decades(axes: Axes, values: Any) -> None:
     """Limits of whole half decades, numbers written out."""
     low, high = np.log10(np.min(values)), np.log10(np.max(values))
     axes.set_xlim(10 ** (np.floor(2 * low - 0.2) / 2), 10 ** (np.ceil(2 * high + 0.2) / 2))
-    _written_out(axes.xaxis)
-
-
-def _written_out(axis: Axis) -> None:
-    """Numbers in place of powers of ten, and none between the decades."""
-    axis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(mpl.ticker.NullFormatter())
+    plain_decades(axes.xaxis)
 
 
 def errors(result: Result) -> Figure:
@@ -150,7 +142,7 @@ def courses(learned: list[Result]) -> Figure:
                 course["kept"], scale * rms[course["kept"] - 1], "o", color=colour, markersize=9, fillstyle="none"
             )
         axes.set_yscale("log")
-        _written_out(axes.yaxis)
+        plain_decades(axes.yaxis)
         axes.xaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))
         axes.set(xlabel="trial (ring: the course that is kept)", ylabel=f"rms error [{unit}]")
         axes.legend(fontsize=8)

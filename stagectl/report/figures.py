@@ -12,6 +12,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -67,12 +68,20 @@ def displacement_unit(axis: StageAxis) -> tuple[float, str]:
     return (1e6 * axis.travel_per_unit, "µm") if axis.travel_unit == "m" else (1e3, "mrad")
 
 
+def plain_decades(axis: Axis) -> None:
+    """A logarithmic axis with plain numbers, three a decade at most."""
+    axis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(mpl.ticker.NullFormatter())
+
+
 def weights(axes: Axes, weight: NDArray[np.float64], slip: NDArray[np.float64], units: tuple[float, str, str]) -> None:
     """Stop operators as bars: `weight` (j,) over `slip` (j,); `units` are a slip's factor and unit, and the force's."""
     scale, unit, force = units
     axes.vlines(scale * slip, 0.0, weight, color=WITH, linewidth=3.0)
+    axes.set_xscale("log")
+    plain_decades(axes.xaxis)
     axes.set(
-        xscale="log",
         ylim=(0.0, 1.1 * float(np.max(weight, initial=1e-12))),
         xlabel=f"slip of the element [{unit}]",
         ylabel=f"weight [{force}]",

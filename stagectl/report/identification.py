@@ -41,7 +41,7 @@ def page(result: dict[str, Any], source: tuple[IdentificationResult, Sequence[Ca
     title, notes = f"stagectl identify {result['method']}: {result['stage']}", [*result["notes"], *_notes(captures)]
     shown = [parameters(result), *(own.tables(identified) if hasattr(own, "tables") else [])]
     shown += [*_correlations(result), _captures(captures)]
-    return Page(title, answer(result), notes, pictures, shown, [command], versions(), broad=True)
+    return Page(title, answer(result), notes, pictures, shown, [command], versions())
 
 
 def answer(result: dict[str, Any]) -> str:

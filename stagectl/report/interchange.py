@@ -34,7 +34,6 @@ def page(setup: Setup, exported: ExportedModel, command: str) -> Page:
         ],
         [command],
         versions(),
-        broad=True,
     )
 
 

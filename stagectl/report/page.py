@@ -49,8 +49,8 @@ class Page(NamedTuple):
     tables: list[Table]
     commands: list[str]
     versions: dict[str, str]
-    broad: bool = False  # figures of several panels: at most two side by side
     sections: tuple[Section, ...] = ()  # after the page's own figures and tables
+    narrow: bool = False  # figures of one column: three side by side
     filtered: bool = False  # the rows of the sections' tables can be searched
     config: Mapping[str, str] = {}  # text of each configuration file, by its name
 

@@ -28,6 +28,11 @@ _CURRENTS = (
     ("friction", "friction compensation", WITHOUT),
     ("feedforward", "feedforward", CONVENTIONAL),
 )
+_CAPTIONS = {
+    "position": "Position: the target, and what the encoder measured.",
+    "tracking error": "Tracking error: the target minus the measured position. The first 0.1 s may not fit in.",
+    "current": "Current: what the drive measured, the command, and the parts of the command.",
+}
 Array = NDArray[np.float64]
 
 
@@ -44,7 +49,6 @@ def page(recording: Recording, commands: Sequence[str]) -> Page:
         [tables.achieved(result, meta)],
         [*commands, f"stagectl replay {shlex.quote(str(recording.path))}"],
         {name: str(version) for name, version in meta["versions"].items()},
-        broad=True,
         config={file["name"]: file["text"] for file in meta["files"].values()},
     )
 
@@ -82,8 +86,9 @@ def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
         error = np.where(evaluation.closed(samples), evaluation.tracking_error(samples, meta), np.nan)
         inside = evaluation.window(samples["time"], meta["steady"])
         if np.isfinite(error).any():  # an open loop has none
+            late = evaluation.started(samples, meta)
             shown.append(
-                _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside])
+                _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), error[inside & late])
             )
     return [*shown, *([_drawn(samples, currents, ("current", "A"), (steady,))] if currents else [])]
 
@@ -112,7 +117,7 @@ def _drawn(
     frame = Frame(
         "time [s]", f"{quantity} [{letter}{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2
     )
-    return lines, frame, f"{quantity.capitalize()} over time."
+    return lines, frame, _CAPTIONS[quantity]
 
 
 def thinned(time: Array, values: Array) -> tuple[Array, Array]:

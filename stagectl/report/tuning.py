@@ -207,10 +207,11 @@ def other_bandwidths(tuned: Tuned) -> Figure:
         below.set(ylabel="Ms", ylim=(1.0, 5.0), xlabel="bandwidth [Hz]")
         reached = next(iter(tuned.reached.values()))
         chosen_values = (math.degrees(reached.phase), reached.sensitivity.value)
-        for axes, value, words in zip((above, below), chosen_values, ("PM {:.1f}°", "Ms {:.2f}"), strict=True):
+        panels = ((above, "PM {:.1f}°", 6), (below, "Ms {:.2f}", -14))  # one falls, the other rises: beside the curve
+        for (axes, words, up), value in zip(panels, chosen_values, strict=True):
             axes.axvline(tuned.bandwidth, color=WITH, linewidth=1.0)
             axes.plot(tuned.bandwidth, value, "o", color=WITH, markersize=5)
-            note(axes, f"{tuned.bandwidth:.3g} Hz: {words.format(value)}", (tuned.bandwidth, value), (6, 6), WITH)
+            note(axes, f"{tuned.bandwidth:.3g} Hz: {words.format(value)}", (tuned.bandwidth, value), (6, up), WITH)
     return figure
 
 

@@ -147,7 +147,7 @@ def test_a_run_is_drawn_in_micrometres_of_the_table() -> None:
     run = figures.largest_trace(FOUND["effects"])
     assert run is not None and run.file == "held-sine-2.4hz-1.csv"
     above, below = figures.trace(run, FOUND["effects"]).axes
-    assert above.get_ylabel() == "reference [mm]" and below.get_ylabel().endswith("position [µm]")
+    assert above.get_ylabel() == "reference [mm]" and below.get_ylabel().endswith("[µm]")
     part = figures.window(run)
     before, reference = (np.asarray(axes.lines[0].get_ydata()) for axes in (below, above))
     np.testing.assert_allclose(before, run.before[part] / MICRON, rtol=1e-9)

@@ -37,7 +37,7 @@ SECTIONS = (
 @pytest.fixture
 def shown(tmp_path: Path) -> Iterator[Any]:
     page = Page(
-        "title", "answer", [], [Picture(IMAGE, "one"), Picture(IMAGE, "two")], [], [], {}, False, SECTIONS, True
+        "title", "answer", [], [Picture(IMAGE, "one"), Picture(IMAGE, "two")], [], [], {}, SECTIONS, filtered=True
     )
     with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
@@ -82,7 +82,7 @@ def explored(tmp_path: Path) -> Iterator[Any]:
         picture([Line(time[1:], 9.963e-10 * time[1:])], Frame("frequency [Hz]", "gain", logarithmic=True), "gain")
     )
     figures.append(picture([Line(time, time)], Frame("position [mm]", "error [µm]"), "error"))
-    page = Page("title", "answer", [], figures, [], [], {}, broad=True)
+    page = Page("title", "answer", [], figures, [], [], {})
     with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
         view = chromium.new_page(viewport={"width": 1280, "height": 900})
@@ -107,6 +107,7 @@ def drawn(shown: Any) -> list[str]:
 def test_plots_of_the_same_time_zoom_together(explored: Any) -> None:
     explored.wait_for_timeout(300)
     whole = drawn(explored)
+    assert explored.locator(".u-legend .u-series:first-child:visible").count() == 0  # only curves have names at rest
     assert len(whole) == 3  # what is drawn over a position stays a picture
     assert explored.locator("figure img:visible").count() == 1
     box = explored.locator(".u-over").first.bounding_box()

@@ -19,9 +19,9 @@ def simulated(motion: Path) -> MotionRecord:
 
 
 def panels(run: MotionRecord) -> dict[str, tuple[float, float] | None]:
-    """Limits of each panel, by the first words of its caption."""
+    """Limits of each panel, by the first word of its caption."""
     shown = _panels(run.recording.samples, run.recording.meta)
-    return {caption.removesuffix(" over time."): frame.ylim for _, frame, caption in shown}
+    return {caption.partition(":")[0]: frame.ylim for _, frame, caption in shown}
 
 
 def test_the_axis_fits_what_was_driven(tmp_path: Path) -> None:
@@ -29,6 +29,23 @@ def test_the_axis_fits_what_was_driven(tmp_path: Path) -> None:
     (tmp_path / "forth.yaml").write_text(FORTH)
     position = panels(simulated(tmp_path / "forth.yaml"))["Position"]
     assert position == pytest.approx((-4.0, 24.0), abs=0.1)
+
+
+def test_the_peak_of_the_start_is_told_apart(tmp_path: Path) -> None:
+    """Nobody knows the friction before a motion: its first peak must not hide the rest."""
+    (tmp_path / "forth.yaml").write_text(FORTH)
+    run = simulated(tmp_path / "forth.yaml")
+    whole, later = (run.summary[name]["peak"] for name in ("tracking_error", "tracking_error_after_start"))
+    limits = panels(run)["Tracking error"]
+    assert later < 0.1 * whole and limits is not None
+    assert limits[1] < 1e9 * whole
+
+
+def test_the_current_of_an_axis_at_rest(tmp_path: Path) -> None:
+    (tmp_path / "forth.yaml").write_text(FORTH)
+    at_rest = simulated(tmp_path / "forth.yaml").summary["current_at_rest"]
+    assert at_rest is not None and at_rest < 0.1
+    assert simulated(CONFIG / "experiments" / "current-sine-1.6hz-5a.yaml").summary["current_at_rest"] is None
 
 
 def test_an_open_loop_has_no_tracking_error_to_draw() -> None:

@@ -15,7 +15,7 @@ from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
 from stagectl.number_format import prefix
 from stagectl.report.constants import FLAT, LABEL_CHARACTERS, MOST_ROWS, WINDOW
-from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, note
+from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, note, plain_decades
 from stagectl.report.panels import DPI as DPI
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def shares(result: DiagnosisResult) -> Figure:
         for place, (name, share) in enumerate(result.shares):
             axes.barh(-place, 100.0 * share, left=100.0 * begin, color=_COLOURS.get(name, WITH), height=0.62)
             right = 100.0 * max(begin, begin + share)
-            note(axes, f"{100.0 * share:.1f} %", (right, -place), (4, 0), TARGET, "center")
+            note(axes, f"{100.0 * share:z.1f} %", (right, -place), (4, 0), TARGET, "center")
             begin += share
             if place + 1 < len(result.shares):
                 axes.vlines(100.0 * begin, -place - 0.69, -place - 0.31, color=_GREY, linewidth=0.7)
@@ -164,7 +164,7 @@ def trace(run: Trace, result: DiagnosisResult) -> Figure:
         if math.isfinite(run.floor):
             floor = size.factor * run.floor
             below.axhspan(-floor, floor, color="#cbd5e1", alpha=0.7, zorder=-1, linewidth=0, label="noise floor (rms)")
-        below.set(ylabel=f"simulated − measured\nposition [{size.unit}]", xlabel="time [s]")
+        below.set(ylabel=f"model − machine [{size.unit}]", xlabel="time [s]")
         # In a row of its own above the curves, where it hides none of them.
         below.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=8, borderaxespad=0.0)
     return figure
@@ -180,7 +180,7 @@ def unknown(result: DiagnosisResult) -> Figure:
         axes.axhline(0.0, color=_GREY, linewidth=0.8)
         if result.unknown.coordinate == "frequency":
             axes.set_xscale("log")
-            axes.xaxis.set_major_formatter("{x:g}")
+            plain_decades(axes.xaxis)
         axes.plot(across.factor * grid, up.factor * force, color=WITHOUT, linewidth=1.8)
         unit = f" [{across.unit}]" if across.unit else ""
         axes.set_xlabel(f"{coordinate_label(result.unknown.coordinate)}{unit}")

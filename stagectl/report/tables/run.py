@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.drives.drive import Fault
+from stagectl.evaluation import after_start
 from stagectl.number_format import length
 from stagectl.report.page import Table
 
@@ -25,7 +26,8 @@ def answer(result: dict[str, Any], samples: NDArray[Any]) -> str:
     if error["peak"] is None:
         return "The run ended before the window in which its error is taken."
     stands = "" if result["in_position"] else " At the end the axis did not come to stand in position."
-    return f"The stage tracks within {length(error['peak'], unit)}, rms {length(error['rms'], unit)}.{stands}"
+    after = "".join(f"; {words}" for words in filter(None, [after_start(result)]))
+    return f"The stage tracks within {length(error['peak'], unit)}, rms {length(error['rms'], unit)}{after}.{stands}"
 
 
 def achieved(result: dict[str, Any], meta: dict[str, Any]) -> Table:
@@ -47,4 +49,6 @@ def achieved(result: dict[str, Any], meta: dict[str, Any]) -> Table:
         ["late cycles", f"{result['late_cycles']} of {result['cycles']}"],
         ["duration", f"{result['cycles'] * meta['dt']:.4g} s"],
     ]
+    if result["current_at_rest"] is not None:
+        rows.append(["current at rest, peak to peak", f"{result['current_at_rest']:.2g} A"])
     return Table("In figures", ["", ""], rows)
