@@ -112,7 +112,7 @@ def test_orders_by_keyboard(view: Any, machine: Served) -> None:
     page.keyboard.type("2 mm/s")
     page.keyboard.press("Enter")
     shown.until("#state", "moves")
-    assert page.is_disabled("#enable") and page.is_enabled("#stop")
+    assert page.is_disabled("#enable") and page.is_enabled("#stop") and page.is_hidden("#unpowered")
     page.keyboard.press("Escape")
     shown.until("#state", "holds its position")
     assert machine.axis()["fault"] == ""
@@ -121,7 +121,7 @@ def test_orders_by_keyboard(view: Any, machine: Served) -> None:
     shown.until("#said", "limits.travel")
     page.click("#disable")
     shown.until("#state", "without power")
-    assert page.is_disabled("#move button") and page.is_enabled("#enable")
+    assert page.is_disabled("#move button") and page.is_enabled("#enable") and page.is_visible("#unpowered")
 
 
 def place(machine: Served) -> float:

@@ -12,8 +12,8 @@ export class Health {
   }
 
   take(now, status) {
-    const late = now.lateness, share = late.rows ? `; at most ${si(late.largest, "s", 3)} in the last minute` : "";
-    at("late").textContent = `${now.late_cycles} of ${now.cycles} cycles late${share}`;
+    const late = now.lateness, share = late.rows ? `; the loop woke at most ${si(late.largest, "s", 3)} late in the last minute` : "";
+    at("late").textContent = `${now.late_cycles} of ${now.cycles} cycles late since the start${share}`;
     this.bars(late);
     at("why-late").hidden = !now.late_cycles;
     at("late-virtual").hidden = !this.about.follows_sync;

@@ -60,6 +60,7 @@ export class Orders {
     const state = now.state, powered = POWERED.includes(state);
     const moving = all.some((one) => !STILL.includes(one.state));  // or nobody knows whether it does
     this.jog.take(state);
+    at("unpowered").hidden = state !== "disabled";
     at("enable").disabled = !["disabled", "offline"].includes(state);
     at("disable").disabled = !powered;
     at("home").disabled = state !== "standing";
