@@ -55,10 +55,11 @@ def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path) -> None:
     simulated = stagectl("simulate", STAGE, SINE, "-o", tmp_path / "s.h5", "--json", "-")
     assert simulated.returncode == 0, simulated.stderr
     expected = open_recording(tmp_path / "s.h5").samples
-    with drive(STAGE, tmp_path / "bus"):
+    with drive(STAGE, tmp_path / "bus") as other:
         for name in ("first.h5", "second.h5"):
             done = stagectl("run", STAGE, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / name, "--json", "-")
             assert done.returncode == 0, done.stderr
+            assert f"process {other.pid}" in done.stderr  # whose machine it is, which may not be the stage file's
             recording = open_recording(tmp_path / name)
             assert recording.complete
             assert recording.ended == "complete"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,6 +28,9 @@ def _method(name: str) -> str:
     single_threaded_algebra()
     from stagectl.identification.methods import chosen
 
+    if Path(name).is_file():
+        corrected = shlex.join(["stagectl", "identify", "simultaneous", *sys.argv[2:]])
+        raise StageError(f"the method comes first: {corrected}; `stagectl identify help` lists the methods")
     chosen(name)
     return name
 

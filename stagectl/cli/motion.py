@@ -180,7 +180,7 @@ def virtual_drive(
     from stagectl.drives.drive import Odrive
     from stagectl.realtime.scheduling import follow_parent
     from stagectl.service.virtual_drive import serve, serve_odrive
-    from stagectl.workflows.motion import canopen, on_channel, reseeded
+    from stagectl.workflows.motion import canopen, on_channel, reseeded, with_machine_of_the_day
 
     if follow:
         follow_parent()
@@ -193,7 +193,7 @@ def virtual_drive(
     if machine := machine_of_the_day or setup.file.virtual_drive.machine_of_the_day:
         from stagectl.workflows.machine_of_the_day import drawn
 
-        setup, hidden = drawn(setup, machine)
+        setup, hidden = drawn(with_machine_of_the_day(setup, machine), machine)
         if reveal:
             console.print("\n  ".join([f"machine of the day {machine}:", *hidden.lines]), markup=False)
     wire = setup.file.drive.wire

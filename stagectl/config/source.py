@@ -18,6 +18,7 @@ from stagectl.config.bounds import DEEPEST_BRACKETS, LARGEST_FILE, MOST_PROBLEMS
 from stagectl.problem import Problem, ProblemKind, absent, why_unread
 from stagectl.units import StageError
 
+_GLUED = re.compile(r"^[ -]*(\w+:)([^\s:/][^\n]*?)\s*$", re.MULTILINE)  # ``dwell:0.2 s``
 _HIDDEN = re.compile("[\x85\u2028\u2029]")  # YAML 1.1 breaks lines there, no editor shows it
 
 
@@ -145,6 +146,9 @@ def _unreadable(path: Path, reason: str) -> Problem:
 def _syntax_error(path: Path, text: str, error: yaml.YAMLError) -> ConfigError:
     if isinstance(error, yaml.reader.ReaderError):
         return _forbidden(path, text, error.position)
+    if glued := _GLUED.search(text):
+        line = text.count("\n", 0, glued.start(1)) + 1
+        return malformed(path, f"a blank after the colon is missing: write '{glued[1]} {glued[2]}'", line)
     mark = getattr(error, "problem_mark", None)
     reason = getattr(error, "problem", None) or "not YAML"
     advice = "check indentation, quotes and colons around this line"

@@ -8,6 +8,7 @@ import os
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.frames import Bus
@@ -17,7 +18,7 @@ from stagectl.drives.canopen.probe import answering
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Odrive
 from stagectl.drives.simulated import Plant
-from stagectl.drives.virtual.inject import InjectionSocket, obey, socket_path
+from stagectl.drives.virtual.inject import InjectionSocket, ask, obey, socket_path
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
 from stagectl.number_format import length
@@ -42,11 +43,22 @@ def wanted(wire: Canopen) -> bool:
     return wire.interface == "embedded" and holder(wire) is None and not answers(wire)
 
 
+def _found(wire: Canopen) -> str:
+    """The virtual drive that somebody else has started, in words: its machine may not be the stage file's."""
+    try:
+        answer = ask(socket_path(wire.interface, wire.channel, wire.node), {"do": "who"})
+    except DriveError:  # it is none, or says nothing
+        return ""
+    return "" if answer["parent"] == os.getpid() else f"a drive is there already: {answer['words']}"
+
+
 @contextlib.contextmanager
 def present(setup: Setup, say: Callable[[str], object]) -> Iterator[None]:
     """Make sure that the embedded bus of the stage has a drive: a virtual one where none answers."""
     wire = setup.file.drive.wire
     if not isinstance(wire, Canopen) or not wanted(wire):
+        if isinstance(wire, Canopen) and (found := _found(wire)):
+            say(found)
         yield
         return
     if setup.text:
@@ -104,10 +116,15 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     door = InjectionSocket(socket_path(wire.interface, wire.channel, wire.node))
     node = virtual_node(setup, wire, bus, report)
     settle()  # a collection of all that was imported takes longer than a period
-    report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")
+    words = f"{_name(setup)}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}"
+    report(words)
+
+    def answer(request: dict[str, Any]) -> dict[str, Any]:
+        who = {"words": words, "parent": os.getppid()}
+        return who if request["do"] == "who" else obey(node.faults, node.now(), request)
 
     def over() -> bool:
-        door.look(lambda request: obey(node.faults, node.now(), request))
+        door.look(answer)
         return until() and not node.axis.enabled  # an axis in motion is brought to a stand first
 
     try:
@@ -117,6 +134,11 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     finally:
         door.close()
         bus.close()
+
+
+def _name(setup: Setup) -> str:
+    machine = setup.file.virtual_drive.machine_of_the_day
+    return f"{_READY} of {setup.file.name}{f', machine of the day {machine}' if machine else ''}"
 
 
 def _compile(setup: Setup) -> None:

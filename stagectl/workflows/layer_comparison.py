@@ -18,6 +18,7 @@ from stagectl import paired_comparison
 from stagectl.compensation.forms import FORMS, named
 from stagectl.config.stage_file import Setup
 from stagectl.design import Layer
+from stagectl.problem import nearest
 from stagectl.recording.learned_current import Learned, LearnedError, check, load, save
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.typed_json import plain
@@ -37,7 +38,9 @@ def chosen(name: str) -> list[str]:
     layers = [] if name == OFF else name.split("+")
     for layer in layers:
         if layer not in NAMES:
-            raise TrialError(f"{name}: no layer {layer!r}; write {OFF}, or some of {', '.join(NAMES)} with +")
+            near = nearest(layer, (OFF, *NAMES))
+            hint = f"did you mean {near}?" if near else f"write {OFF}, or some of {', '.join(NAMES)} with +"
+            raise TrialError(f"{name}: no layer {layer!r}: {hint}")
     if len(set(layers)) < len(layers):
         raise TrialError(f"{name}: a layer stands there twice")
     if len(compensators := [layer for layer in layers if layer == FRICTION or layer in FORMS]) > 1:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from stagectl.config.friction_laws import Dahl, Lugre, Rolling, friction_of
 from stagectl.config.stage_file import Setup
-from stagectl.gap.effects.effect import Definition, Scales
+from stagectl.gap.effects.effect import Definition, Scales, units_of
 from stagectl.gap.effects.library import EFFECTS, definitions, label
 from stagectl.kernels import friction, stage
 from stagectl.kernels.fields import get, put
@@ -32,14 +32,15 @@ class Hidden(NamedTuple):
     parameters: dict[str, float]  # factors on those of the model, by their entries
     law: str
     effects: dict[str, dict[str, float]]  # values of each effect's parameters, SI
+    units: dict[str, dict[str, str]]  # of those values
 
     @property
     def lines(self) -> list[str]:
         """A line for each thing that was drawn."""
         factors = [f"{place}: {factor:.4g} times the stage file's" for place, factor in self.parameters.items()]
         effects = [
-            f"{label(name)}: {', '.join(f'{part} {value:.4g}' for part, value in values.items())} (SI)"
-            for name, values in self.effects.items()
+            f"{label(name)}: {', '.join(f'{part} {values[part]:.4g} {unit}'.rstrip() for part, unit in units.items())}"
+            for (name, values), units in zip(self.effects.items(), self.units.values(), strict=True)
         ]
         return [*factors, f"friction: {self.law}", *effects]
 
@@ -54,14 +55,15 @@ def drawn(setup: Setup, seed: int) -> tuple[Setup, Hidden]:
     law = source.choice(_LAWS)
     p = p._replace(friction=_friction(p.friction, law, source))
     known = [effect for effect in definitions(scales_of(setup)) if EFFECTS[effect.name].answer in ("current", "map")]
-    found = {}
+    found, units = {}, {}
     for effect in source.sample(known, source.randint(1, MOST_EFFECTS)):
         found[effect.name] = values = _values(effect, source)
+        units[effect.name] = units_of(effect, setup.file.axis.kind)
         p = effect.apply(p, values)
     simulation = setup.file.simulation
     noise = simulation.current_noise or NOISE * p.drive.current_limit
     file = setup.file._replace(simulation=simulation._replace(current_noise=noise))
-    return setup._replace(stage=p, file=file), Hidden(factors, law, found)
+    return setup._replace(stage=p, file=file), Hidden(factors, law, found, units)
 
 
 def _friction(p: stage.Friction, law: str, source: random.Random) -> stage.Friction:

@@ -119,7 +119,7 @@ def test_identical_repeats_are_said_to_be(command: Command) -> None:
 
 
 REFUSED = [
-    (("ptc", "pct"), "pct: no layer 'pct'; write off, or some of ptc, friction, effects, observer, ilc, model"),
+    (("ptc", "pct"), "pct: no layer 'pct': did you mean ptc?"),
     (("ptc",), "ptc: at least two variants, each once"),
     (("ptc+friction", "friction+ptc"), "at least two variants, each once"),
     (("ptc+ptc", "off"), "ptc+ptc: a layer stands there twice"),

@@ -147,3 +147,10 @@ def definition(effect: Effect, scales: Scales) -> Definition | None:
     """The effect on a machine of these sizes; None where it has no parameters there."""
     parameters = effect.parameters(scales) if effect.parameters else None
     return None if parameters is None else Definition(effect.name, effect.block, effect.coordinate, *parameters)
+
+
+def units_of(effect: Definition, kind: str) -> dict[str, str]:
+    """The unit of each parameter on an axis of this `kind`."""
+    declared: list[Amplitude | Shape] = [*effect.amplitudes, *effect.shapes]
+    parts = {parameter.name: [unit.strip() for unit in parameter.unit.split("|")] for parameter in declared}
+    return {name: both[-1] if kind == "linear" else both[0] for name, both in parts.items()}

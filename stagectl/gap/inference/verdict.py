@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from stagectl.gap.effects import library
-from stagectl.gap.effects.effect import Amplitude, Data, Definition, Shape
+from stagectl.gap.effects.effect import Data, units_of
 from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.inference.signatures import DriveSignature
@@ -98,7 +98,7 @@ def _alternatives(name: str, selected: Selection) -> tuple[str, ...]:
 
 def parameters(fitted: EffectValues, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
     """Values with 95 % intervals; a sine and a cosine become amplitude and phase."""
-    units = _units(fitted.effect, kind)
+    units = units_of(fitted.effect, kind)
     half = {name: NORMAL * deviation.get(f"{fitted.effect.name}.{name}", 0.0) for name in fitted.values}
     values = {name: Value(x, x - half[name], x + half[name], units[name]) for name, x in fitted.values.items()}
     return _harmonic(values, half) if "sine" in values and "cosine" in values else values
@@ -119,12 +119,6 @@ def _harmonic(values: dict[str, Value], half: Mapping[str, float]) -> dict[str, 
     phase, turn = math.atan2(cosine.value, sine.value), min(width / max(size, 1e-300), math.pi)
     amplitude = Value(size, max(size - width, 0.0), size + width, sine.unit)
     return {"amplitude": amplitude, "phase": Value(phase, phase - turn, phase + turn, "rad"), **values}
-
-
-def _units(effect: Definition, kind: str) -> dict[str, str]:
-    declared: list[Amplitude | Shape] = [*effect.amplitudes, *effect.shapes]
-    parts = {parameter.name: [unit.strip() for unit in parameter.unit.split("|")] for parameter in declared}
-    return {name: both[-1] if kind == "linear" else both[0] for name, both in parts.items()}
 
 
 def rivals(e: Evidence, selected: Selection, effect: FoundEffect) -> dict[str, Stage]:
