@@ -72,6 +72,11 @@ class AxisLimits(NamedTuple):
             f" {self._length(run.distance(timeout))}; the time-out costs {self._length(run.cost(timeout))} of it{still}"
         )
 
+    def place(self, position: float) -> str:
+        """A position (rad | m) as travel, in mm or deg."""
+        travel = position * self.travel_per_unit
+        return f"{math.degrees(travel):.6g} deg" if self.travel_unit == "rad" else f"{travel * 1e3:.6g} mm"
+
     def _length(self, way: float) -> str:
         return length(way * self.travel_per_unit, self.travel_unit)
 

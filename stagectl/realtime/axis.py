@@ -266,8 +266,9 @@ class Axis(AxisData):
             self.board.say(f"the axis has no home yet{lost}: `stagectl home`")
             return False
         if low < limits.low or high > limits.high:
-            travel = f"limits.travel is [{limits.low:.6g}, {limits.high:.6g}] in axis units"
-            self.board.say(self.refusal(f"{here:.6g}", f"[{low:.6g}, {high:.6g}]", travel))
+            first, last, place, lowest, highest = map(self.p.limits.place, (limits.low, limits.high, here, low, high))
+            travel = f"limits.travel is [{first}, {last}]"
+            self.board.say(self.refusal(place, f"[{lowest}, {highest}]", travel))
             return False
         return True
 

@@ -163,10 +163,11 @@ class AxisData:
             return
         self.left_at = math.nan
         if abs(now - before) > self.limits.jump:
-            self.lose_origin(f"the drive's position was {before:.6g} when it was left, and is {now:.6g} now")
+            was, place = map(self.p.limits.place, (before, now))
+            self.lose_origin(f"the drive's position was {was} when it was left, and is {place} now")
             self.fault, self.reason = Fault.JUMP, self.lost_origin
             self.faults += 1
-            self.board.say(f"the origin has moved: {self.lost_origin}, in axis units. Next: {_HOME}")
+            self.board.say(f"the origin has moved: {self.lost_origin}. Next: {_HOME}")
 
     def hang_up(self) -> None:
         """Leave the drive, which stops by its own time-outs if it moves at all."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,6 +24,7 @@ from stagectl.tuning.families import chosen, judged_loops
 from stagectl.tuning.robustness import Loop, Robustness, robustness, stiffness
 from stagectl.tuning.search import Tuned
 from stagectl.tuning.sheet import ClosedLoop, closed, headline, notes, step, stiffness_unit
+from stagectl.units import quantity_of
 
 Array = NDArray[Any]
 COLOURS = (TARGET, WITH, "#7c3aed", FAINT)  # of the loops, the one cut at the current first
@@ -44,13 +45,19 @@ def page(setup: Setup, tuned: Tuned, command: str) -> Page:
 
 
 def _loop(setup: Setup) -> str:
-    p = setup.stage
+    p, kind = setup.stage, setup.file.axis.kind
     return (
         f"The loop as it runs: Ts {setup.dt * 1e3:g} ms, nd {p.drive.delay_samples} and nm {p.encoder.delay_samples} "
         f"periods of delay, current lag {p.drive.current_lag * 1e3:.3g} ms, zero-order hold; "
-        f"inertia {p.mechanics.inertia:.4g}, viscous {p.mechanics.viscous:.4g}, force constant "
-        f"{p.motor.force_constant:.4g} (SI)."
+        f"inertia {_declared(p.mechanics, 'inertia', kind)}, viscous {_declared(p.mechanics, 'viscous', kind)}, "
+        f"force constant {_declared(p.motor, 'force_constant', kind)}."
     )
+
+
+def _declared(block: Any, name: str, kind: str) -> str:
+    """A parameter with the unit that its block declares for this `kind` of axis."""
+    declared = quantity_of(get_type_hints(type(block), include_extras=True)[name])
+    return f"{getattr(block, name):.4g} {declared.unit_for(kind) if declared else ''}".rstrip()
 
 
 _CAPTIONS = {

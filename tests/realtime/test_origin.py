@@ -53,6 +53,7 @@ def test_a_home_beside_the_travel_may_be_left_inwards_only(far: Setup) -> None:
     bench.run(100)
     assert (bench.axis.state, bench.axis.fault) == (State.STANDING, Fault.NONE)
     assert not bench.axis.may_begin(moved(-0.5, 0.0))
+    assert "from 17.1887 mm the motion would go to [16.2338 mm, 17.1887 mm]" in bench.axis.board.words
     assert bench.axis.may_begin(moved(0.0, 5.0))
     assert bench.axis.limits.low == pytest.approx(9.0 - bench.axis.p.envelope.following_error, abs=1e-3)
 
