@@ -58,7 +58,7 @@ def install(
 
     Example: sudo stagectl service install /etc/stagectl/stage.yaml
     """
-    from stagectl.cli.service import unit_port
+    from stagectl.cli.addresses import unit_port
     from stagectl.config.stage_file import load_stage
     from stagectl.service import install as systemd
     from stagectl.service.machine import named, together

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -10,9 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
+from stagectl.cli.addresses import foxglove_address, tcp_port
 from stagectl.cli.motion import Channel, Json, Lines
 from stagectl.cli.show import console, emit, message_event, stream, without_compiler
 from stagectl.extras import require
+from stagectl.problem import Problem, ProblemKind
 from stagectl.service import shutdown_signals
 from stagectl.units import StageError, pairs
 
@@ -123,7 +124,7 @@ def move(
 
     Example: stagectl move "10 mm" --speed "20 mm/s"
     """
-    places = dict(_named(text) for text in target)
+    places = _places(target)
     body = {"by" if by else "to": places, "speed": speed, "acceleration": acceleration, "wait": not no_wait}
     _do(socket, "move", json, body)
 
@@ -182,10 +183,9 @@ def parameters(
         named = pairs("parameters", ",".join(changes), "NAME=VALUE", "bandwidth='30 Hz'")
         body = {"control": named, "axis": axis}
         ask_service(socket, "PATCH", "/v1/parameters", body)
-    result = ask_service(socket, "GET", "/v1/parameters")
-    for name, values in result.items():
-        console.print(f"{name}: " + ", ".join(f"{key} {value:g}" for key, value in values.items()))
-    emit(result, json)
+    for name, values in ask_service(socket, "GET", "/v1/parameters/written").items():
+        console.print(f"{name}: " + ", ".join(f"{key} {value}" for key, value in values.items()))
+    emit(ask_service(socket, "GET", "/v1/parameters"), json)
 
 
 @fault.command("list")
@@ -206,9 +206,16 @@ _RESET = "Reset the fault: the drive is configured again and stays without power
 fault.command("reset")(_order("faults/reset", _RESET, "fault reset"))
 
 
-def _named(text: str) -> tuple[str, str]:
-    name, equals, value = text.rpartition("=")
-    return (name.strip(), value) if equals else ("", text)
+def _places(target: list[str]) -> dict[str, str]:
+    """The positions by their axes, "" where none is named.  Raises StageError where an axis has two."""
+    places: dict[str, str] = {}
+    for text in target:
+        name, _, value = (part.strip() for part in text.rpartition("="))
+        if name in places:
+            twice = f"POSITION is given twice for {f'axis {name}' if name else 'one axis'}: {places[name]}, {value}"
+            raise StageError(Problem(f"{twice}; nothing has moved", ProblemKind.REPEATED))
+        places[name] = value
+    return places
 
 
 def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] | None = None) -> None:
@@ -247,39 +254,3 @@ def _show(result: dict[str, Any], json: str | None) -> None:
     if not result["alive"]:
         console.print("the real-time process does not respond; see `stagectl fault list`")
     emit(result, json)
-
-
-def tcp_port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
-    """The requested port; a virtual machine serves its page by default."""
-    from stagectl.web.server import Tcp
-
-    if tcp is None:
-        return Tcp("127.0.0.1", 8402, token, writes, virtual, any_port=True) if virtual else None
-    return Tcp(*_address("--tcp", tcp, 8402), token, writes, virtual)
-
-
-def foxglove_address(text: str | None) -> tuple[str, int] | None:
-    """Host and port of Foxglove's server."""
-    if text is None:
-        return None
-    require("foxglove", "--foxglove")
-    return _address("--foxglove", text, 8765)
-
-
-def unit_port(tcp: str) -> tuple[str, int] | None:
-    """Host and port of an installed service.  Raises StageError for a name: systemd resolves none."""
-    if not tcp:
-        return None
-    host, port = _address("--tcp", tcp, 8402)
-    try:
-        ipaddress.ip_address("127.0.0.1" if host == "localhost" else host.strip("[]"))
-    except ValueError as error:
-        raise StageError(f"--tcp {tcp}; HOST must be an IP address, such as 0.0.0.0 for all of them") from error
-    return host, port
-
-
-def _address(option: str, text: str, usual: int) -> tuple[str, int]:
-    host, colon, port = text.rpartition(":")
-    if not colon or not port.isdigit() or not 0 < int(port) < 65536:
-        raise StageError(f"{option} {text}; must be HOST:PORT, such as 127.0.0.1:{usual}")
-    return host, int(port)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from typing import Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from stagectl import design
 from stagectl.compensation import model_effects
+from stagectl.config.lengths import Lengths
 from stagectl.config.stage_file import Setup
+from stagectl.config.unit_format import worded
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.friction import relaxed
 from stagectl.plan import Start
@@ -223,9 +225,12 @@ class AxisController:
         """The numbers of `control` that can be changed while it runs (SI)."""
         return {name: getattr(self.control, name) for name in self._changeable()}
 
-    def gain_units(self) -> dict[str, str]:
-        """The units of those numbers."""
-        return {name: q.unit_for(self.setup.file.axis.kind) for name, q in self._changeable().items()}
+    def written_parameters(self) -> dict[str, str]:
+        """The same numbers with their units, angles in degrees, as a person writes them, and `changed` takes them."""
+        lengths, values = Lengths(self.setup.file.axis.kind), self.parameters()
+        return {
+            name: worded(values[name], Annotated[float, q], lengths, "1 deg") for name, q in self._changeable().items()
+        }
 
     def _changeable(self) -> dict[str, Quantity]:
         hints = get_type_hints(type(self.control), include_extras=True)

@@ -93,11 +93,13 @@ class OrderHandler:
         """
         if (not to and not by) or to.keys() & by.keys():
             raise ServiceError("a move needs a position or a distance for at least one axis, and one of them each")
-        planned = []
+        planned: list[tuple[AxisController, Layout]] = []
         for name, text in (*to.items(), *by.items()):
             (axis,) = self.service.chosen(name) if name or len(self.service.axes) == 1 else (None,)
             if axis is None:
                 raise ServiceError(f"the move must name its axis; the axes are: {', '.join(self.service.axes)}")
+            if any(axis is other for other, _ in planned):  # once without its name
+                raise ServiceError(f"{axis.name}: the move gives two positions for one axis; nothing has moved")
             planned.append((axis, partial(self._planned, axis, (text, name in to), pace)))
         await self._run(planned, wait)
 

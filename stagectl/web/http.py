@@ -212,6 +212,11 @@ def _reading(app: FastAPI, service: Service) -> None:
         """The numbers of `control` by axis, SI."""
         return {name: axis.parameters() for name, axis in service.axes.items()}
 
+    @app.get("/v1/parameters/written", response_model=dict[str, dict[str, str]])
+    async def written() -> dict[str, dict[str, str]]:
+        """The same with their units, angles in degrees, as `PATCH /v1/parameters` takes them."""
+        return {name: axis.written_parameters() for name, axis in service.axes.items()}
+
     @app.get("/v1/effects", response_model=dict[str, dict[str, bool]])
     async def effects() -> dict[str, dict[str, bool]]:
         """Effects of the model by axis: whether a current answers each."""

@@ -82,7 +82,6 @@ class StatusFeed:
                 "bus": _wire(axis),
                 "virtual": may_be_virtual(axis),
                 "follows_sync": may_be_virtual(axis) and axis.setup.file.simulation.clock == "sync",
-                "gains": axis.gain_units(),
                 "channels": described(self._seen_from(axis)),
             }
             for axis in self._service.axes.values()

@@ -81,6 +81,19 @@ def test_of_two_moves_at_once_the_first_is_made_and_the_other_refused(bench: Ben
     assert bench.position == pytest.approx(1e-3, abs=1e-6)
 
 
+def test_one_axis_has_one_position(bench: Bench) -> None:
+    """It is named once, and not the second time."""
+    (refused,) = bench.serve(bench.orderly.move({"": "1 mm", "axis": "2 mm"}, {}, CALM, True))
+    assert isinstance(refused, ServiceError)
+    assert (bench.axis.status.motions, bench.position) == (0, pytest.approx(0.0, abs=1e-6))
+
+
+def test_gains_are_written_with_their_units_and_taken_as_they_are_written(bench: Bench) -> None:
+    written = bench.axis.written_parameters()
+    assert (written["bandwidth"], written["margin"]) == ("40 Hz", "20 deg")
+    assert bench.axis.changed(written).control == bench.axis.control
+
+
 def test_a_motion_longer_than_the_board_goes_on_when_another_is_refused(bench: Bench) -> None:
     async def meanwhile() -> None:
         while bench.axis.state is not State.MOVING:

@@ -23,12 +23,12 @@ export class Tools {
   }
 
   async gains() {
-    const values = (await ask("GET", "/v1/parameters"))[this.axis];
+    const values = (await ask("GET", "/v1/parameters/written"))[this.axis];
     at("gains-fields").replaceChildren(...Object.entries(values).map(([name, value]) => {
       const label = document.createElement("label"), field = document.createElement("input");
       field.name = name;
       field.size = 9;
-      field.value = field.dataset.was = `${Number(value.toPrecision(8))} ${this.about.gains[name]}`.trim();
+      field.value = field.dataset.was = value;
       label.append(`${name.replaceAll("_", " ")} `, field);
       return label;
     }));
