@@ -95,10 +95,13 @@ def probe(
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print, anyway) as (wire, line):
         answers = ask(wire, line, _chosen(preset), amperes("rated", rated), limits=axis_limits(setup.file))
-    _show(answers)
+    _show(answers, proposed=not write)
     changed = [str(change) for change in _written(stage, answers.values)] if write and answers.values else []
     for change in changed:
         console.print(f"written: {change}")
+    if write and not changed:
+        known = "it holds all of this" if answers.values else "there is nothing to write"
+        console.print(f"{stage}: {known}; nothing has changed")
     emit({**answers._asdict(), "preset": answers.preset.name, "written": changed}, json, not answers.doubts)
 
 
@@ -128,7 +131,7 @@ def _chosen(name: str | None) -> Any:
     return BY_NAME[name]
 
 
-def _show(result: Any) -> None:
+def _show(result: Any, proposed: bool) -> None:
     width = max(map(len, result.answers))
     for name, words in result.answers.items():
         console.print(f"{name:{width}}  {words}")
@@ -136,7 +139,7 @@ def _show(result: Any) -> None:
     for note in result.preset.notes:
         console.print(f"  {note}")
     if result.values:
-        console.print("\nfor the stage file (--write puts it there):\n")
+        console.print(f"\nfor the stage file{' (--write puts it there)' if proposed else ''}:\n")
         console.print("drive:\n  wire:")
         for name, value in result.values.items():
             console.print(f"    {name}: {_worded(name, value)}")
@@ -145,13 +148,9 @@ def _show(result: Any) -> None:
 
 
 def _worded(name: str, value: float) -> str:
-    from stagectl.drives.canopen.presets import ENCODER_COUNTS
-
     if name.endswith("_object"):
         return f"0x{int(value) >> 8:04x}_{int(value) & 0xFF:02x}"
-    if name == "deceleration_scale":
-        return f"{value:.7g} rad/s^2" + ("  # its ramps count encoder steps" if value == ENCODER_COUNTS else "")
-    return f"{value:.7g} A"
+    return f"{value:.7g} {'rad/s^2' if name == 'deceleration_scale' else 'A'}"
 
 
 def _written(stage: Path, values: dict[str, float | int]) -> list[Any]:

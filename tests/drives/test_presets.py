@@ -58,7 +58,10 @@ def test_a_probe_reads_the_drive_and_proposes_its_family(bench: Workbench, tmp_p
     assert result.values["command_scale"] == pytest.approx(3.2e-3)
     assert result.answers["quick stop option (0x605A)"].startswith("2: slow down on the quick stop ramp")
     assert result.answers["state"].startswith("Switch on disabled")
+    assert "deceleration_scale" not in result.values  # its ramps count encoder steps, as without that entry
     assert result.doubts == ()
+    (doubt,) = probe(bench.settings(eds=eds, deceleration_scale=0.1), bench.bus()).doubts
+    assert "remove drive.wire.deceleration_scale" in doubt
     assert dict(node.objects.node.data_store) == before  # nothing was written
 
 

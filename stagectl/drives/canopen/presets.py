@@ -15,6 +15,7 @@ UNTRIED = "from documentation, not tried on hardware"
 TARGET, ACTUAL = cia402.TARGET_TORQUE << 8, cia402.ACTUAL_TORQUE << 8
 RATED = cia402.RATED_CURRENT << 8
 ENCODER_COUNTS = 0.0  # of the stop ramp: an encoder count per second squared
+_STEPS = "Its stop ramp (0x6085) counts encoder steps: drive.wire needs no deceleration_scale."
 RPM_PER_SECOND = 2.0 * math.pi / 60.0  # rad/s^2
 
 
@@ -67,6 +68,7 @@ PRESETS = (
         ENCODER_COUNTS,
         (
             "0x6071 counts per mille of 0x6075: 2 A of 3.2 A rated are 625.",
+            _STEPS,
             "Its EDS has no event timer of the RPDO (0x1400:05): only the heartbeat (0x1016) tells it that the "
             "controller is gone.",
             "0x6080 limits the speed in torque mode as well: leave it at its largest value "
@@ -125,7 +127,7 @@ PRESETS = (
         RATED,
         "rated current 0x6075, that of the stage file",
         ENCODER_COUNTS,
-        ("Finer than 0x6071: command_object 0x2071_00 and current_object 0x2077_00 count 10 uA.",),
+        ("Finer than 0x6071: command_object 0x2071_00 and current_object 0x2077_00 count 10 uA.", _STEPS),
         ("stagectl/drives/virtual/object_dictionary.py; its EDS is config/drives/stagectl-virtual.eds",),
         tried=True,
     ),
@@ -164,6 +166,6 @@ def wire_values(preset: Preset, rated: float) -> dict[str, float | int]:
         "current_object": preset.current_object,
         "current_scale": scale,
     }
-    if preset.deceleration_scale is not None:
+    if preset.deceleration_scale:
         values["deceleration_scale"] = preset.deceleration_scale
     return values

@@ -61,6 +61,8 @@ def probe(
     protection = outlook(wire, lambda index, subindex: number(read(index, subindex), signed=True), limits)
     answers = {**result.answers, "protection": protection.words}
     doubts = [] if protection.good else [f"it is not enabled like this: protection {protection.words}"]
+    if result.values and "deceleration_scale" not in result.values and wire.deceleration_scale:
+        doubts.append("remove drive.wire.deceleration_scale: the drive's stop ramp counts encoder steps")
     return result._replace(answers=answers, doubts=(*result.doubts, *doubts, *against_eds(wire, read, result.preset)))
 
 
@@ -179,7 +181,7 @@ def _doubts(preset: Preset, modes: int | None, rated: float | None, values: dict
         doubts.append("it does not offer cyclic synchronous torque mode: enable it in the drive, or use another one")
     if rated is None:
         doubts.append(f"the drive does not report its rated current ({preset.rated_words}): give it with --rated '4 A'")
-    elif "deceleration_scale" not in values:
+    elif preset.deceleration_scale is None and "deceleration_scale" not in values:
         doubts.append(
             "the unit of its stop ramp (0x6085) is not known: look it up, and set drive.wire.deceleration_scale"
         )
