@@ -15,6 +15,7 @@ from stagectl.api.arguments import ArgumentError, quantity
 from stagectl.cli.motion import Json, Report, StageArgument, Write
 from stagectl.cli.service import AxisName, Socket
 from stagectl.cli.show import console, deliver, message_event, page_path, patch, single_threaded_algebra, stream
+from stagectl.identification.catalogue import listed
 from stagectl.units import Quantity, StageError
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def _method(name: str) -> str:
 
 
 MethodArgument = Annotated[
-    str, typer.Argument(metavar="METHOD", help="How; any wrong name lists them all.", callback=_method)
+    str, typer.Argument(metavar="METHOD", help="\n\n".join(["One of these.", *listed()]), callback=_method)
 ]
 Captures = Annotated[
     list[Path] | None, typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")

@@ -5,35 +5,16 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
+from stagectl.identification.catalogue import METHODS, Method, listed
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic
 from stagectl.typed_json import plain
 from stagectl.units import LINEAR
-
-
-class Method(NamedTuple):
-    """Where a method is, and what it is for."""
-
-    module: str  # holds identify(captures, file, progress, ...) -> IdentificationResult
-    words: str
-
-
-METHODS = {
-    "simultaneous": Method(
-        "simultaneous.method", "inertia, viscous and rolling friction and delay from any motion with reversals"
-    ),
-    "frf": Method("response.method", "response from current to velocity, at several amplitudes"),
-    "constant-speed": Method("constant_speed", "viscous and Coulomb friction from spans of constant speed"),
-    "low-speed": Method("low_speed", "rolling friction from an ultra-slow motion there and back"),
-    "zero-crossing": Method("reversal.method", "friction around the reversals of a slider"),
-    "least-squares": Method("least_squares.method", "inertia, viscous and Coulomb friction and offset"),
-    "friction-models": Method("friction.method", "every friction model of the family, fitted and compared"),
-}
 
 
 def identify(
@@ -64,9 +45,8 @@ def chosen(name: str) -> Method:
     Raises IdentificationError, naming all methods, where there is none.
     """
     if name not in METHODS:
-        listed = "\n".join(f"  {known}: {method.words}" for known, method in METHODS.items())
         raise IdentificationError(
-            f"method {name}; must be one of\n{listed}",
+            "\n  ".join([f"method {name}; must be one of", *listed()]),
             Refusal.UNKNOWN_OPTION,
             value=name,
             admissible=", ".join(METHODS),

@@ -18,6 +18,7 @@ import pytest
 import typer
 
 from stagectl.cli.app import application
+from stagectl.identification.catalogue import METHODS
 from stagectl.units import StageError
 from stagectl.web.client import ask
 from tests.cli.conftest import Command
@@ -45,6 +46,11 @@ def test_help_has_an_example_of_this_verb(name: str) -> None:
 @pytest.mark.parametrize("name", VERBS)
 def test_results_for_machines(name: str) -> None:
     assert any("--json" in param.opts for param in VERBS[name].params)
+
+
+def test_the_methods_of_identify_are_listed_before_one_is_named() -> None:
+    (method,) = [param for param in VERBS["identify"].params if param.name == "method"]
+    assert all(f"\n\n{name}: {about.words}" in method.help for name, about in METHODS.items())
 
 
 def test_all_verbs_were_walked() -> None:
