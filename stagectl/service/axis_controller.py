@@ -41,6 +41,10 @@ class ServiceError(StageError):
     """An order that the service cannot carry out: why, and what to do instead."""
 
 
+class AbsentError(ServiceError):
+    """What is asked for is not there."""
+
+
 class Gains(NamedTuple):
     """A design, and the section of the stage file that it comes from."""
 

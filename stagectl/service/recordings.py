@@ -20,7 +20,7 @@ from stagectl.recording.file_lock import being_written, discard, sweep
 from stagectl.recording.hdf5 import RecordingError, repair
 from stagectl.recording.metadata import of_axis
 from stagectl.recording.recorder import ENOUGH, Order
-from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
+from stagectl.service.axis_controller import COLUMNS, AbsentError, AxisController, ServiceError
 from stagectl.service.black_box import UNFINISHED
 from stagectl.service.child_process import Child, start
 
@@ -185,10 +185,10 @@ class Recordings:
         return sorted((entry for entry in entries if entry), key=lambda entry: -float(entry["time"]))
 
     def path(self, kind: str, axis: str, file: str) -> Path:
-        """A file of the list.  Raises ServiceError where it is none."""
+        """A file of the list.  Raises AbsentError where it is none."""
         entries = [entry for entry in self.files() if entry["bytes"]]
         if not any((entry["kind"], entry["axis"], entry["file"]) == (kind, axis, file) for entry in entries):
-            raise ServiceError(f"no recording {kind}/{axis}/{file}")
+            raise AbsentError(f"no recording {kind}/{axis}/{file}; GET /v1/recordings lists all")
         return self._state / kind / axis / file
 
 

@@ -36,13 +36,18 @@ def wrong(details: Iterable[Mapping[str, Any]]) -> str:
     return "; ".join(f"{'.'.join(map(str, one['loc']))}: {_WORDS.get(one['type'], one['msg'])}" for one in details)
 
 
-async def check_exact(request: Request, known: Collection[str]) -> None:
-    """Raise StageError where a request without a body says more than is read: all axes would go, not the one meant."""
-    odd = sorted(set(request.query_params) - set(known))
-    if odd or await request.body() not in (b"", b"{}", b"null"):
-        what = f"{', '.join(odd)} in the address" if odd else "body"
+async def check_no_body(request: Request) -> None:
+    """Raise StageError where a request has a body that is not read: all axes would go, not the one meant."""
+    if await request.body() not in (b"", b"{}", b"null"):
         path = request.url.path
-        raise StageError(f"{path} takes no {what}, and nothing was done: name one axis as {path}?axis=x")
+        raise StageError(f"{path} takes no body, and nothing was done: name one axis as {path}?axis=x")
+
+
+def check_query(path: str, given: Collection[str], taken: Collection[str]) -> None:
+    """Raise StageError where an address has a word behind its `path` that would be ignored in silence."""
+    if odd := sorted(set(given) - set(taken)):
+        known = " and ".join(f"`{name}`" for name in taken) or "nothing behind a ?"
+        raise StageError(f"{path} takes {known}, not {', '.join(f'`{name}`' for name in odd)}; nothing was done")
 
 
 class Bodies:

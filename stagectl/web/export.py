@@ -9,8 +9,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import re
 import sys
 import tempfile
+import unicodedata
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import IO
@@ -30,13 +32,15 @@ class Exports:
     def __init__(self) -> None:
         self._turn, self._going = asyncio.Lock(), 0
 
-    async def file(self, path: Path, to: str) -> Response:
-        """The file, or what `stagectl export` makes of it.
+    async def file(self, path: Path, to: str, machine: str) -> Response:
+        """The file, or what `stagectl export` makes of it, under a name that tells of which `machine` and axis it is.
 
         Raises ServiceError with the export's reason, and where too many are wanted.
         """
+        parts = (*map(_plain, (machine, path.parent.name)), f"{path.stem}.{to}")
+        named = {"Content-Disposition": f'attachment; filename="{"-".join(filter(None, parts))}"'}
         if to == "h5":
-            return FileResponse(path, filename=path.name)
+            return FileResponse(path, headers=named)
         if self._going >= EXPORTS_WAITING:
             raise ServiceError(f"{EXPORTS_WAITING} exports are going on: try again when they have ended")
         self._going += 1
@@ -47,10 +51,7 @@ class Exports:
             self._going -= 1
             raise
         size = os.fstat(file.fileno()).st_size
-        headers = {
-            "Content-Disposition": f"attachment; filename*=utf-8''{path.stem}.{to}".replace(" ", "%20"),
-            "Content-Length": str(size),
-        }
+        headers = {**named, "Content-Length": str(size)}
         return _Fetched(self._sent(file, size), headers=headers, media_type="application/octet-stream")
 
     async def _sent(self, file: IO[bytes], size: int) -> AsyncIterator[bytes]:
@@ -61,6 +62,12 @@ class Exports:
         finally:
             file.close()
             self._going -= 1
+
+
+def _plain(name: str) -> str:
+    """A name as a part of a file's name that every program takes."""
+    letters = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9]+", "-", letters).strip("-")
 
 
 class _Fetched(StreamingResponse):

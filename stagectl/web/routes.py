@@ -148,13 +148,16 @@ def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
         path = await asyncio.to_thread(service.recordings.end, recorded.name)
         return {"axis": recorded.name, "file": path.name, "path": str(path)}
 
-    @app.get("/v1/recordings/{kind}/{axis}/{file}", response_class=FileResponse, responses=refusals)
+    absent = {**refusals, 404: {**refusals[409], "description": "There is no such recording."}}
+
+    @app.get("/v1/recordings/{kind}/{axis}/{file}", response_class=FileResponse, responses=absent)
     async def one(
         request: Request, kind: Part, axis: Part, file: Part, to: Literal["h5", "csv", "parquet", "mat", "mcap"] = "h5"
     ) -> Response:
         """A file, as it is or for other programs."""
         path = await asyncio.to_thread(service.recordings.path, kind, axis, file)
-        answer: Response = await for_client(request, exports.file(path, to))
+        machine = service.axes[axis].setup.file.name if axis in service.axes else ""
+        answer: Response = await for_client(request, exports.file(path, to, machine))
         return answer
 
 

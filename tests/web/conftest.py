@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -14,6 +17,40 @@ from stagectl.service.service import Service, ServicePaths
 from tests.conftest import CONFIG
 
 Write = Callable[..., None]
+
+
+class Answer(NamedTuple):
+    """What the interface answers."""
+
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+    @property
+    def error(self) -> str:
+        return str(json.loads(self.body)["error"])
+
+
+def answered(app: Any, method: str, address: str, body: bytes = b"", **headers: str) -> Answer:
+    """The answer of the interface itself, without a server."""
+    sent: list[dict[str, Any]] = []
+    path, _, query = address.partition("?")
+    named = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
+    scope = {"type": "http", "method": method, "path": path, "query_string": query.encode(), "headers": named}
+
+    async def receive() -> dict[str, Any]:
+        if asked:
+            return asked.pop()
+        await asyncio.sleep(60.0)  # the client waits
+        return {"type": "http.disconnect"}
+
+    async def send(message: dict[str, Any]) -> None:
+        sent.append(message)
+
+    asked = [{"type": "http.request", "body": body, "more_body": False}]
+    asyncio.run(app({**scope, "server": ("localhost", 80)}, receive, send))
+    about = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
+    return Answer(sent[0]["status"], about, b"".join(message["body"] for message in sent[1:]))
 
 
 @pytest.fixture

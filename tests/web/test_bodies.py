@@ -7,31 +7,66 @@ import asyncio
 import pytest
 from fastapi import Request
 
+from stagectl.service.service import Service
 from stagectl.units import StageError
-from stagectl.web.bodies import check_exact, wrong
+from stagectl.web.bodies import check_no_body, wrong
+from stagectl.web.http import application
+from tests.web.conftest import answered
 
 
-def _request(query: bytes, body: bytes) -> Request:
+def _request(body: bytes) -> Request:
     async def receive() -> dict[str, object]:
         return {"type": "http.request", "body": body, "more_body": False}
 
-    scope = {"type": "http", "method": "POST", "path": "/v1/enable", "query_string": query, "headers": []}
+    scope = {"type": "http", "method": "POST", "path": "/v1/enable", "query_string": b"", "headers": []}
     scope["server"] = ("localhost", 80)
     return Request(scope, receive)
 
 
-@pytest.mark.parametrize(("query", "body"), [(b"", b""), (b"axis=x", b""), (b"", b"{}"), (b"axis=x", b"null")])
-def test_what_is_read_is_taken(query: bytes, body: bytes) -> None:
-    asyncio.run(check_exact(_request(query, body), ("axis",)))
+@pytest.mark.parametrize("body", [b"", b"{}", b"null"])
+def test_no_body_is_taken(body: bytes) -> None:
+    asyncio.run(check_no_body(_request(body)))
+
+
+def test_a_body_that_would_be_ignored_is_refused() -> None:
+    with pytest.raises(StageError, match=r"/v1/enable takes no body, and nothing was done: name one axis as"):
+        asyncio.run(check_no_body(_request(b'{"axis": "x"}')))
 
 
 @pytest.mark.parametrize(
-    ("query", "body", "words"),
-    [(b"", b'{"axis": "x"}', "takes no body"), (b"axes=x", b"", "takes no axes in the address")],
+    ("method", "address", "code"),
+    [
+        ("GET", "/v1/recordings/recordings/axis/none.h5?as=mcap", 422),
+        ("GET", "/v1/recordings/recordings/axis/none.h5?to=mcap", 404),
+        ("POST", "/v1/enable?axes=x", 422),
+        ("POST", "/v1/move?wait=false", 422),
+        ("GET", "/v1/status?axis=x", 422),
+        ("GET", "/v1/status", 200),
+        ("GET", "/?axis=x", 200),
+    ],
 )
-def test_what_would_be_ignored_is_refused(query: bytes, body: bytes, words: str) -> None:
-    with pytest.raises(StageError, match=f"/v1/enable {words}, and nothing was done: name one axis as"):
-        asyncio.run(check_exact(_request(query, body), ("axis",)))
+def test_what_an_address_says_and_nobody_reads_is_refused(
+    service: Service, method: str, address: str, code: int
+) -> None:
+    assert answered(application(service), method, address).status == code
+
+
+def test_no_word_behind_its_address_keeps_an_axis_from_stopping(service: Service) -> None:
+    heeded: list[bool] = []
+    service.axes["axis"].board.stop = lambda *_: heeded.append(True)  # type: ignore[method-assign]
+    service.until = lambda *_: asyncio.sleep(0, True)  # type: ignore[method-assign,assignment]
+    assert answered(application(service), "POST", "/v1/stop?axes=x", b"?").status == 200
+    assert heeded
+
+
+def test_a_download_is_named_after_its_machine_and_axis(service: Service) -> None:
+    folder = service.paths.state / "recordings" / "axis"
+    folder.mkdir(parents=True)
+    (folder / "first one.h5").write_bytes(b"rows")
+    answer = answered(application(service), "GET", "/v1/recordings/recordings/axis/first one.h5")
+    assert (answer.status, answer.body) == (200, b"rows")
+    named = 'attachment; filename="ball-screw-stage-A-axis-first one.h5"'
+    assert answer.headers["content-disposition"] == named
 
 
 def test_an_entry_is_named_in_words() -> None:

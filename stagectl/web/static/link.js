@@ -36,10 +36,10 @@ export async function ask(method, what, body) {
   return result;
 }
 
-export async function download(what, name) {
+export async function download(what) {
   const answer = await fetch(what, { headers: headers() });
   if (!answer.ok) throw new Error((await answer.json()).error);
-  save(await answer.blob(), name);
+  save(await answer.blob(), /filename="(.+)"/.exec(answer.headers.get("Content-Disposition"))[1]);
 }
 
 export function save(blob, name) {

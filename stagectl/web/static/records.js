@@ -59,8 +59,7 @@ export class Records {
 
   file(one) {
     const kind = one.kind === "blackbox" ? `black box of ${this.machine}${one.axis === this.axis ? "" : `, axis ${one.axis}`}, ` : "";
-    const stem = one.file.replace(/\.h5$/, ""), name = one.kind === "blackbox" ? `${safe(this.machine)}-${safe(one.axis)}-${stem}` : stem;
-    const entry = item(stem, `${kind}${one.going_on ? "in progress" : `${(one.bytes / 1e6).toFixed(1)} MB`}`);
+    const entry = item(one.file.replace(/\.h5$/, ""), `${kind}${one.going_on ? "in progress" : `${(one.bytes / 1e6).toFixed(1)} MB`}`);
     if (one.going_on) return entry;
     for (const to of FORMATS) {
       const button = document.createElement("button");
@@ -69,7 +68,7 @@ export class Records {
       button.onclick = async () => {
         button.disabled = true;
         try {
-          await download(`/v1/recordings/${one.kind}/${one.axis}/${encodeURIComponent(one.file)}?to=${to}`, `${name}.${to}`);
+          await download(`/v1/recordings/${one.kind}/${one.axis}/${encodeURIComponent(one.file)}?to=${to}`);
         } catch (error) {
           at("recording").textContent = this.words = error.message;
         }
@@ -93,11 +92,6 @@ function update(list, records, entryOf, none) {
     list.insertBefore(entry, there ?? null);
   });
   while (list.children.length > texts.length) list.lastChild.remove();
-}
-
-// A machine's name as a part of a file's name.
-function safe(name) {
-  return name.trim().replace(/[^\p{L}\p{N}]+/gu, "-");
 }
 
 function item(name, words) {
