@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -68,10 +68,28 @@ def scope(
         "mode": ("single" if trigger else "auto") if once else "normal" if trigger else "auto",
     }
     try:
-        _watched(captures(socket or default_socket(), request), names, axis, once, json)
+        seen = _waited(captures(socket or default_socket(), request), request["trigger"], axis)
+        _watched(seen, names, axis, once, json)
     except RefusedError as error:
         console.print(f"refused: {error}", style="red")
         raise typer.Exit(1) from error
+
+
+def _waited(seen: Any, trigger: dict[str, str] | None, axis: str) -> Iterator[Any]:
+    """The captures alone; while no trigger comes, a line says what its channel does."""
+    from stagectl.web.capture_client import WithoutTrigger
+
+    said = ""
+    for machine, one in seen:
+        if trigger is None or not isinstance(one, WithoutTrigger):
+            yield machine, one
+            continue
+        name = trigger["channel"]
+        low, high = (_value(end, _about(machine, axis)[1][name]["unit"]) for end in one)
+        words = f"waiting for the trigger; so far {name} lies between {low} and {high}; Ctrl-C ends"
+        if words != said:
+            console.print(words)
+        said = words
 
 
 def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | None) -> None:

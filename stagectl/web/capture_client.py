@@ -30,6 +30,13 @@ class ReceivedCapture(NamedTuple):
     triggered: bool
 
 
+class WithoutTrigger(NamedTuple):
+    """No trigger has come yet: where its channel lay since the last capture, in its unit."""
+
+    low: float
+    high: float
+
+
 def trigger(text: str) -> dict[str, str]:
     """``error > 1 um``: rises above; ``<`` falls below, ``=`` crosses either way.
 
@@ -41,8 +48,13 @@ def trigger(text: str) -> dict[str, str]:
     return {"channel": match[1], "edge": _EDGES[match[2]], "level": match[3]}
 
 
-def captures(path: Path, request: dict[str, Any]) -> Iterator[tuple[dict[str, Any], ReceivedCapture]]:
+Seen = ReceivedCapture | WithoutTrigger
+
+
+def captures(path: Path, request: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Seen]]:
     """The machine's description and each capture, without an end; `request` as in `viewer.ScopeRequest`.
+
+    Where its trigger does not come, now and then what its channel did meanwhile.
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
     """
@@ -64,6 +76,8 @@ def captures(path: Path, request: dict[str, Any]) -> Iterator[tuple[dict[str, An
                     yield machine, unpacked(message)
                 elif "error" in (answer := json.loads(message)):
                     raise RefusedError(answer["error"])
+                elif "waiting" in answer:
+                    yield machine, WithoutTrigger(**answer["waiting"])
         raise ControlError("the service has ended")
     except ConnectionClosed as error:
         raise ControlError(f"the service has closed the connection: {error.reason or 'it has ended'}") from error

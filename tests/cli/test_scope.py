@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,6 +42,16 @@ def test_one_capture_of_a_motion(machine: Served, command: Command) -> None:
     assert place == 400
     assert current[place - 1] < 0.5 <= current[place]
     machine.ask("POST", "stop")
+
+
+def test_a_trigger_that_does_not_come_is_not_waited_for_in_silence(machine: Served) -> None:
+    words = ["scope", "error", "--trigger", "current > 1000 A", "--once", "--socket", str(machine.socket)]
+    waiting = subprocess.Popen([sys.executable, "-m", "stagectl", *words], stderr=subprocess.PIPE, text=True)
+    with waiting as process:
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        process.kill()
+    assert re.fullmatch(r"waiting for the trigger; so far current lies between \S+ A and \S+ A; Ctrl-C ends\n", line)
 
 
 def test_channels_are_listed(machine: Served, command: Command) -> None:
