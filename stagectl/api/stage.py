@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from stagectl.api.arguments import PathLike
+from stagectl.api.arguments import ArgumentError, PathLike
 from stagectl.api.checked import checked
 from stagectl.api.result import PrintedResult, Sheet, gains_frame
 from stagectl.compensation.forms import name_of
@@ -141,9 +141,12 @@ class DesignedStage(PrintedResult):
     def save(self, path: PathLike) -> DesignedStage:
         """Write the stage file, and return the stage that it holds.
 
-        Raises ConfigError where `path` cannot be written, or the stage would be refused there.
+        Raises ConfigError where `path` cannot be written, or the stage would be refused there; ArgumentError where it
+        is no name of a stage file.
         """
         target = Path(path)
+        if target.suffix not in (".yaml", ".yml"):
+            raise ArgumentError("path", target, "; must end in .yaml")
         target.parent.mkdir(parents=True, exist_ok=True)
         replace_file(target, self.text.encode(), lambda written: load_stage(written))
         return load_stage(target)

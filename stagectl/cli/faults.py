@@ -66,6 +66,9 @@ def selftest(
     without_compiler()
     if report is not None:
         require("report", "--report")
+        from stagectl.report.page import check_name
+
+        check_name(report)
     from stagectl.config.stage_file import load_stage
     from stagectl.selftest import matrix, remote
     from stagectl.workflows.motion import canopen, drive_present

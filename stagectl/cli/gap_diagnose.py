@@ -92,8 +92,10 @@ def diagnose(
     import stagectl as sc
     from stagectl.cli.gap_show import show
     from stagectl.gap.result.result_json import save
-    from stagectl.report.page import write
+    from stagectl.report.page import check_name, write
 
+    if report is not None:
+        check_name(report)
     answer = sc.diagnose(
         folder,
         stage=None if stage is None else sc.load_stage(stage),

@@ -32,11 +32,12 @@ def report(recording: RecordingArgument, output: Where = None, json: Json = None
     """
     require("report", "the page")
     from stagectl.recording.hdf5 import open_recording
-    from stagectl.report.page import write
+    from stagectl.report.page import check_name, write
     from stagectl.report.run import page
 
-    run_page = page(open_recording(recording), [typed()])
     path = output or recording.with_suffix(".html")
+    check_name(path)
+    run_page = page(open_recording(recording), [typed()])
     console.print(run_page.answer)
     console.print(f"report: {write(run_page, path)}")
     emit({"answer": run_page.answer, "report": str(path)}, json)

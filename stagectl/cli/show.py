@@ -74,6 +74,10 @@ def page_path(report: Path | None, name: str) -> Path | None:
             raise
         console.print(f"no page: {error}")
         return None
+    if report is not None:
+        from stagectl.report.page import check_name
+
+        check_name(report)
     return report or unused(name, ".html")
 
 

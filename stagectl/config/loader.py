@@ -6,6 +6,7 @@ that was found and what is admissible.  All problems of a file are reported toge
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -18,6 +19,9 @@ from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, compose, entry_of
 from stagectl.problem import Problem, ProblemKind, below, nearest
 from stagectl.units import StageError, Tagged, quantity_of
+
+_OBJECT = re.compile(r"[0-9A-Fa-f]{4}_[0-9A-Fa-f]{1,2}")  # of a drive's dictionary, without its 0x
+_POWER = re.compile(r"(2|10)(?:\^|\*\*)([0-9]{1,2})")
 
 
 class Reader:
@@ -118,14 +122,16 @@ class Reader:
         return self.value(Annotated[inner, *extras] if extras else inner, node, name)
 
     def _list(self, hint: Any, node: yaml.Node, name: str) -> Any:
-        if not isinstance(node, yaml.SequenceNode):
-            self.refuse(node, Problem("must be a list", ProblemKind.SHAPE, name, remedy="[a, b, ...]"))
-            return ()
         kinds, quantity = get_args(plain(hint)), quantity_of(hint)
         fixed = len(kinds) if kinds[-1] is not Ellipsis else 0
+        if not isinstance(node, yaml.SequenceNode):
+            remedy = f"[-{node.value}, {node.value}]" if fixed == 2 and _is_number(node) else "[a, b, ...]"
+            self.refuse(node, Problem("must be a list", ProblemKind.SHAPE, name, remedy=f"such as {remedy}"))
+            return ()
         least = 0 if get_origin(kinds[0]) is Literal else 1  # a choice of words may choose none of them
         if (fixed and len(node.value) != fixed) or not least <= len(node.value) <= LONGEST_LIST:
-            reason = f"has {len(node.value)} entries; must have {fixed or f'{least} to {LONGEST_LIST}'}"
+            entries = "1 entry" if len(node.value) == 1 else f"{len(node.value)} entries"
+            reason = f"has {entries}; must have {fixed or f'{least} to {LONGEST_LIST}'}"
             self.refuse(node, Problem(reason, ProblemKind.SHAPE, name))
             return ()
         kind = Annotated[kinds[0], quantity] if quantity else kinds[0]
@@ -143,7 +149,8 @@ class Reader:
             value = self._convert(plain(hint), unit, node.value)
         except StageError as error:
             cause = error.problems[0]
-            self.refuse(node, out_of_range._replace(reason=cause.reason, kind=cause.kind, choices=cause.choices))
+            said = {"reason": cause.reason, "kind": cause.kind, "choices": cause.choices, "remedy": cause.remedy}
+            self.refuse(node, out_of_range._replace(**said))
             return None
         if quantity is not None and not quantity.admits(value):
             self.refuse(node, out_of_range)
@@ -175,6 +182,11 @@ class Reader:
         return meaning_of(hint) or "required"
 
 
+def _is_number(node: yaml.Node) -> bool:
+    """Whether it is a number without a sign, with its unit."""
+    return isinstance(node, yaml.ScalarNode) and node.value[:1].isdigit() and len(node.value) <= LONGEST_SHOWN
+
+
 def _chosen(text: str, choices: tuple[str, ...]) -> str:
     if text not in choices:
         raise StageError(Problem("", ProblemKind.VALUE, choices=choices))
@@ -183,15 +195,24 @@ def _chosen(text: str, choices: tuple[str, ...]) -> str:
 
 def _integer(text: str) -> int:
     try:
-        if text.isascii() and len(text) <= LONGEST_TEXT:  # int() reads the digits of every script
+        # int() reads the digits of every script, and 6071_00 as 607100: that is an object without its 0x.
+        if text.isascii() and len(text) <= LONGEST_TEXT and not _OBJECT.fullmatch(text):
             return int(text, 0)
     except ValueError:
         pass
-    raise _unusable("must be a whole number")
+    raise _unusable("must be a whole number", _whole(text))
 
 
-def _unusable(reason: str) -> StageError:
-    return StageError(Problem(reason, ProblemKind.VALUE))
+def _whole(text: str) -> str:
+    """How to write the whole number that is meant."""
+    if _OBJECT.fullmatch(text):
+        return f"an object is hexadecimal, write 0x{text}"
+    power = _POWER.fullmatch(text)
+    return f"write {int(power[1]) ** int(power[2])}" if power else ""
+
+
+def _unusable(reason: str, remedy: str = "") -> StageError:
+    return StageError(Problem(reason, ProblemKind.VALUE, remedy=remedy))
 
 
 def _shown(text: str) -> str:

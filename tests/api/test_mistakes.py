@@ -38,6 +38,7 @@ MISTAKES = {
     "columns": (lambda s: sc_.load_log("x.csv", {"time": 0}), "must be a dict of text or text"),
     "none": (lambda s: s.changed({"mechanics.inertia": None}), "mechanics.inertia = None; must be a single value"),
     "array": (lambda s: s.changed({"mechanics.inertia": np.ones(2)}), "must be a single value"),
+    "ending": (lambda s: s.save("x.txt"), "path x.txt; must end in .yaml"),
     "step": (lambda s: sc_.load_trajectory(SINE, s).to_arrays(0), "dt 0; must lie in (0, inf) s"),
 }
 

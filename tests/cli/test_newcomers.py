@@ -23,7 +23,7 @@ _ROWS = [f"{k * 1e-3:.3f},{0.5 * math.sin(k * 1e-2):.6f},{math.cos(k * 1e-2):.4f
 _NEXT = re.compile(
     r"stagectl [a-z]|--help|`ls |[Dd]id you mean|must (be|lie|have|increase|give)|its columns are"
     r"|: known are|give |choose |write it|check |replace |remove |save it|cut the log|python -m "
-    r"|copy it|make room|name the|these can|record a|relative to|nothing has moved"
+    r"|copy it|make room|name the|these can|record a|relative to|nothing has moved|: take "
 )
 
 _RAW = re.compile(r"codec can't|Expecting |indices must|ErrorID|XML_ERROR")  # a parser's or decoder's own words
@@ -174,6 +174,9 @@ MISTAKES = [
     (f"simulate beyond.yaml {T}", "limits.travel = [0.01, 0.05] m; the motion begins 0.01 m outside", 2),
     ("identify least-squares config/linear-slider.yaml exported.csv", "exported.csv has measured_rad", 2),
     ("record --for -1s", "must lie in (0,", 2),
+    ("report good.h5 -o x.pdf", "x.pdf: a page ends in .html: take x.html", 2),
+    (f"tune {S} --report x.pdf", "x.pdf: a page ends in .html: take x.html", 2),
+    (f"selftest {S} --report x.html/y", "x.html/y: a page ends in .html", 2),
     ("move -10mm", "stagectl move -- -10mm", 2),
     ("move 5mm 6mm", "given twice for one axis: 5mm, 6mm; nothing has moved", 2),
     ("move x=1mm x=2mm", "given twice for axis x: 1mm, 2mm; nothing has moved", 2),

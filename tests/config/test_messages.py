@@ -106,7 +106,12 @@ MISTAKES = {
         choices=("rolling", "stop-operators", "dahl", "lugre"),
     ),
     "value for a list": Mistake(
-        "travel: [-50 mm, 50 mm]", "travel: 50 mm", "travel: [", kind=Kind.SHAPE, key="limits.travel"
+        "travel: [-50 mm, 50 mm]",
+        "travel: 50 mm",
+        "travel: [",
+        kind=Kind.SHAPE,
+        key="limits.travel",
+        remedy="such as [-50 mm, 50 mm]",
     ),
     "list for a value": Mistake(
         "lead: 12 mm",
@@ -124,6 +129,25 @@ MISTAKES = {
         key="friction.elements",
         value="12.5",
         interval="[1, 64]",
+    ),
+    "power": Mistake(
+        "elements: 12",
+        "elements: 2^4",
+        "elements",
+        kind=Kind.VALUE,
+        key="friction.elements",
+        value="2^4",
+        interval="[1, 64]",
+        remedy="write 16",
+    ),
+    "decimal object": Mistake(
+        "command_object: 0x6071_00",
+        "command_object: 6071_00",
+        "command_object",
+        kind=Kind.VALUE,
+        key="drive.wire.command_object",
+        value="6071_00",
+        remedy="an object is hexadecimal, write 0x6071_00",
     ),
     "decimal comma": Mistake(
         "lead: 12 mm",
