@@ -12,7 +12,6 @@ import errno
 import importlib
 import inspect
 import os
-import re
 import shlex
 import signal
 import sys
@@ -25,6 +24,7 @@ from typer.core import TyperGroup
 
 from stagectl.api.arguments import ArgumentError
 from stagectl.cli import INTERRUPTED
+from stagectl.cli.usage import told
 from stagectl.units import StageError
 
 # Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each holds.
@@ -163,7 +163,7 @@ def main() -> None:
     try:
         _end(_run())
     except typer.TyperException as error:  # words that are no command, or that a command does not take
-        _fail(_usage(error))
+        _fail(told(error))
     except ArgumentError as error:
         _fail(f"--{error}" + (f"; add --{error.needs}" if error.needs else ""))
     except StageError as error:
@@ -213,16 +213,6 @@ def _end(code: object) -> NoReturn:
     if code == INTERRUPTED:
         _fail("interrupted: unwritten results are lost, nothing else has changed", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
-
-
-def _usage(error: typer.TyperException) -> str:
-    """What is wrong with the words that were typed, and the command that shows which are right."""
-    words = error.format_message() if hasattr(error, "format_message") else str(error)
-    context = getattr(error, "ctx", None)
-    command = context.command_path if context else "stagectl"
-    if negative := re.match(r"No such option: (-[0-9.])", words):
-        words = f"{negative[1]}... is taken for an option: write -- before it, as in `{command} -- -10mm`"
-    return f"{words}\nsee: {command} --help"
 
 
 _ADVICE = {
