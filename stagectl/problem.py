@@ -92,6 +92,7 @@ class ProblemKind(enum.Enum):
     CONFLICT = "conflict"  # admissible by itself, but not together with another entry
     LOOP = "loop"  # the control loop would be unstable or too close to it
     LIMIT = "limit"  # a motion exceeds a limit of the machine
+    STOPPED = "stopped"  # nothing is wrong: the operator wanted it to end
 
 
 class Problem(NamedTuple):

@@ -224,7 +224,7 @@ def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path) -> 
     with drive(STAGE, tmp_path / "bus"):
         run = start_moving(tmp_path, "interrupted.h5")
         os.killpg(run.pid, signal.SIGINT)
-        assert run.wait(timeout=60) == 1
+        assert run.wait(timeout=60) == 130
     recording = open_recording(tmp_path / "interrupted.h5")
     assert recording.complete
     assert recording.samples["fault"][-1] == 0 or recording.samples["fault"][-1] == 14
@@ -238,7 +238,7 @@ def test_the_command_alone_is_told_even_where_it_inherits_signals_as_ignored(tmp
         with drive(STAGE, tmp_path / "bus"):
             run = start_moving(tmp_path, "told.h5")
             os.kill(run.pid, number)
-            assert run.wait(timeout=60) == 1
+            assert run.wait(timeout=60) == 130
     finally:
         signal.signal(signal.SIGINT, before)
     assert open_recording(tmp_path / "told.h5").complete

@@ -32,6 +32,7 @@ from stagectl.gap.experiment_design.battery import battery
 from stagectl.gap.experiment_design.experiment import yaml_of
 from stagectl.gap.experiment_design.unseen import unseen
 from stagectl.number_format import length
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import open_recording
 from stagectl.units import StageError
 from stagectl.workflows import campaign, gap_closing, loop_trial, stage_versions
@@ -155,7 +156,8 @@ def _identify(p: Commissioning) -> Done:
     experiments = campaign.chosen(battery(stage.setup), list(SINES), [])
     recorded = campaign.record(campaign.planned(machine, experiments, 1, place, p.seed), p.shown())
     if recorded["stopped"]:
-        raise StageError(recorded["stopped"])
+        kind = ProblemKind.STOPPED if recorded["interrupted"] else ProblemKind.OTHER
+        raise StageError(Problem(recorded["stopped"], kind))
     fit = identify(stage, sorted(place.glob("*.h5")), "simultaneous", progress=p.progress)
     page = p.page("identify", fit)
     _put(p, fit.apply(doubtful=not fit.implausible), page)

@@ -20,7 +20,7 @@ from stagectl.number_format import length
 from stagectl.recording.metadata import versions
 from stagectl.report.page import Page, Picture, Table, write
 from stagectl.units import StageError
-from stagectl.workflows.motion import drive_present
+from stagectl.workflows.motion import check_not_interrupted, drive_present
 
 SINES = ("sine-3.2hz", "sine-1.6hz", "sine-0.8hz")
 Pair = tuple[MotionRecord, MotionRecord]  # without and with friction compensation
@@ -50,6 +50,7 @@ def _pair(stage: DesignedStage, sine: str, output: Path, bar: Any, say: Say) -> 
         with bar(f"{sine}, {name} friction compensation", 1.0) as update:
             trajectory = OWN / "trajectories" / f"{sine}.yaml"
             record = run(stage, trajectory, recording=place, without=without, progress=update, say=said)
+        check_not_interrupted(record.summary)
         if record.summary["fault"]:
             raise StageError(f"the motion stopped: {record.summary['fault']}; the recording {record.path} shows why")
         records.append(record)

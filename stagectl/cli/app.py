@@ -25,6 +25,7 @@ from typer.core import TyperGroup
 from stagectl.api.arguments import ArgumentError
 from stagectl.cli import INTERRUPTED
 from stagectl.cli.usage import told
+from stagectl.problem import ProblemKind
 from stagectl.units import StageError
 
 # Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each holds.
@@ -167,7 +168,8 @@ def main() -> None:
     except ArgumentError as error:
         _fail(f"--{error}" + (f"; add --{error.needs}" if error.needs else ""))
     except StageError as error:
-        _fail(_with_next(error))
+        stopped = any(problem.kind is ProblemKind.STOPPED for problem in error.problems)
+        _fail(_with_next(error), INTERRUPTED if stopped else 2)
     except OSError as error:  # a result that cannot be written, a disk that is full
         advice = _ADVICE.get(error.errno or 0, "")
         _fail(f"{error.filename or 'the system'}: {error.strerror or error}{advice and f'; {advice}'}")

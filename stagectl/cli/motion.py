@@ -121,10 +121,11 @@ def run(
         progress=True,
         say=console.print,
     ).summary
-    console.print(summary(result))
-    console.print(f"recorded: {result['recording']}")
-    if result["fault"]:
-        console.print(f"next, once that is fixed: {typed()}")
+    if not result["interrupted"]:
+        console.print(summary(result))
+        console.print(f"recorded: {result['recording']}")
+        if result["fault"]:
+            console.print(f"next, once that is fixed: {typed()}")
     emit(result, json, result["in_position"] and not result["lost_rows"])  # half a recording must not pass for one
 
 

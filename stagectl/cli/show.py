@@ -17,7 +17,8 @@ from stagectl.api.arguments import progress as progress
 from stagectl.api.arguments import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
-from stagectl.problem import write_text
+from stagectl.problem import Problem, ProblemKind, write_text
+from stagectl.units import StageError
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -49,13 +50,18 @@ console = _Plain()
 
 
 def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
-    """Write `result` as JSON to the file `target`, ``-`` for standard output; exit code 1 where it is not `good`."""
+    """Write `result` as JSON to the file `target`, ``-`` for standard output; exit code 1 where it is not `good`.
+
+    Raises StageError where the operator ended it, which has an exit code of its own.
+    """
     text = json.dumps(result, indent=2, allow_nan=False) + "\n" if target is not None else ""
     if target == "-":
         print(text, end="")
     elif target is not None:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         write_text(Path(target), text)
+    if words := result.get("interrupted"):
+        raise StageError(Problem(words, ProblemKind.STOPPED))
     if not good:
         raise typer.Exit(1)
 

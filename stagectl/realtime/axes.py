@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import pickle
 import signal
 import sys
 from typing import Any, NamedTuple
@@ -26,6 +25,7 @@ from stagectl.realtime.drive_opening import Opening
 from stagectl.realtime.shared_memory import Board, Order
 from stagectl.realtime.single_axis import SingleAxis
 from stagectl.realtime.states import Event, State
+from stagectl.recording.beside import order_of
 from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 
@@ -255,7 +255,9 @@ def _say(event: str, **facts: Any) -> None:
 
 def main() -> None:
     """Entry of the process; exit 2 with the reason as an event where the motion could not begin."""
-    post: Post = pickle.load(sys.stdin.buffer)
+    post: Post | None = order_of()
+    if post is None:
+        return
     try:
         (perform if post.single else serve)(post)
     except StageError as error:

@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.drive import DriveError
+from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.homing import Homing
 from stagectl.kernels import law, rollout
 from stagectl.plan import Plan
+from stagectl.realtime import safety
 from stagectl.realtime import shared_memory as boards
 from stagectl.realtime.axes import Post
 from stagectl.realtime.shared_memory import Board, Move
@@ -134,27 +135,34 @@ def laid_on(board: Board, rows: NDArray[np.float64]) -> boards.Order:
 
 def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str, Any]:
     """Show progress from the ring until the loop says that it has ended; hand an interrupt on to it."""
-    with _handing_on(loop):
+    with _handing_on(loop) as stops:
         while not loop.readable(0.05):
             progress(ring.written, total)
         ended = event_of(loop, "ended")
         progress(ended["cycles"], total)
-        return ended
+    if stops and not ended["fault"]:  # it came with the last period: what would follow is not wanted either
+        ended |= {"fault": Fault.OPERATOR, "words": safety.words(Fault.OPERATOR)}
+    return ended
 
 
 @contextlib.contextmanager
-def _handing_on(loop: Child) -> Iterator[None]:
-    """SIGINT and SIGTERM stop the axis, whatever goes on here; then the loop is heard out.
+def _handing_on(loop: Child) -> Iterator[list[int]]:
+    """SIGINT and SIGTERM stop the axis, whatever goes on here; then the loop is heard out.  Yields those that came.
 
     A KeyboardInterrupt can be lost, and a shell's background process inherits SIGINT as ignored.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield []
         return
-    stops = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, lambda *_: loop.signal(signal.SIGINT)) for number in stops}
+    came: list[int] = []
+
+    def hand_on(number: int, _: object) -> None:
+        came.append(number)
+        loop.signal(signal.SIGINT)
+
+    before = {number: signal.signal(number, hand_on) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield
+        yield came
     finally:
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)

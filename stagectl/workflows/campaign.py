@@ -27,13 +27,14 @@ import numpy as np
 
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml_of
 from stagectl.gap.logs.session import GapError
+from stagectl.problem import Problem
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.recording.metadata import portable
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
-from stagectl.workflows.motion import Say, perform, prepare, reseeded
+from stagectl.workflows.motion import Say, check_not_interrupted, perform, prepare, reseeded
 from stagectl.workflows.simulated_motion import pretend
-from stagectl.workflows.trials import Machine, Shown, after
+from stagectl.workflows.trials import Machine, Shown, after, halted, interruption
 
 HELD_OUT_REPEATS = 2  # enough for a floor
 PAUSE = 1.0  # s between runs, on the clock of a simulated session
@@ -132,8 +133,8 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
         rest = f"going on with {left[0].name}" if left else "no run is left"
         shown.say(f"{len(done)} of {len(campaign.runs)} runs are in {campaign.folder} already: {rest}")
     starts = (_stamp(log) - log.meta["capture"]["start_s"] for log in done.values())
-    begun = min(starts, default=campaign.clock())
-    stopped = _made(campaign, left, begun, shown) if left else ""
+    end = _made(campaign, left, min(starts, default=campaign.clock()), shown) if left else Problem()
+    stopped = str(end)
     count = len(left) if not stopped else next(k for k, run in enumerate(left) if not _place(campaign, run).is_file())
     if stopped:
         shown.say(
@@ -151,14 +152,15 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
         "runs": [_as_json(campaign, run) for run in kept],
         "left": [run.name for run in campaign.runs if run not in kept],
         "stopped": stopped,
+        "interrupted": interruption(end),
         "notes": notes,
         "simulated": campaign.machine.simulated,
         "seed": campaign.seed,
     }
 
 
-def _made(campaign: Campaign, left: list[Run], begun: float, shown: Shown) -> str:
-    """Make the runs that are `left`; why it ended before the last one, an empty string where it did not."""
+def _made(campaign: Campaign, left: list[Run], begun: float, shown: Shown) -> Problem:
+    """Make the runs that are `left`; why it ended before the last one, an empty problem where it did not."""
     counts = [len(campaign.motions[run.experiment.name].plan.setpoints) for run in left]
     unfinished = campaign.folder / "unfinished"
     say = functools.cache(shown.say)  # a message may hold for all runs: once is enough
@@ -170,25 +172,25 @@ def _made(campaign: Campaign, left: list[Run], begun: float, shown: Shown) -> st
             except (StageError, KeyboardInterrupt) as error:
                 if run is left[0] and isinstance(error, StageError):
                     raise
-                fault = str(error) or "interrupted"
-            if fault:
+                fault = halted(error)
+            if fault != Problem():
                 return fault
             os.replace(motion.recording, _place(campaign, run))
-    return ""
+    return Problem()
 
 
-def _once_made(campaign: Campaign, run: Run, motion: Motion, shown: tuple[Say, Progress]) -> str:
-    """Make one run; the words of its fault, an empty string where there was none."""
+def _once_made(campaign: Campaign, run: Run, motion: Motion, shown: tuple[Say, Progress]) -> Problem:
+    """Make one run; its fault, an empty problem where there was none."""
     say, update = shown
-    number = run.repeat + _APART * run.number
-    machine = campaign.machine
+    machine, number = campaign.machine, run.repeat + _APART * run.number
     if machine.simulated:
         plant = reseeded(machine.plant or machine.setup, campaign.seed + number)
         result = pretend(motion, plant, run.start, machine.elsewhere)
         update(len(motion.plan.setpoints), len(motion.plan.setpoints))
     else:
         result = perform(motion._replace(setup=reseeded(motion.setup, campaign.seed + number)), say, update)
-    return f"{result['fault']}; {motion.recording} shows it" if result["fault"] else ""
+    check_not_interrupted(result)
+    return Problem(f"{result['fault']}; {motion.recording} shows it" if result["fault"] else "")
 
 
 def _motion(campaign: Campaign, run: Run, begun: float) -> Motion:
@@ -250,8 +252,7 @@ def _place(campaign: Campaign, run: Run) -> Path:
 
 
 def _as_json(campaign: Campaign, run: Run) -> dict[str, Any]:
-    path = _place(campaign, run)
-    return {**open_recording(path, only=("time",)).meta["capture"], "recording": str(path)}
+    return {**open_recording(path := _place(campaign, run), only=("time",)).meta["capture"], "recording": str(path)}
 
 
 def _stamp(recording: Recording) -> float:

@@ -39,6 +39,7 @@ from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.steps import in_percent
 from stagectl.kernels.stage import Stage
 from stagectl.number_format import length, percent
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
 from stagectl.workflows import closing_patch
@@ -170,7 +171,8 @@ def _recorded(closing: Closing, setup: Setup, shown: Shown) -> Closing:
     campaign = campaigns.planned(machine, experiments, closing.repeats, closing.records, closing.seed)
     result = campaigns.record(campaign, shown)
     if result["stopped"]:
-        raise GapError(f"the recording was stopped: {result['stopped']}; the same command goes on")
+        kind = ProblemKind.STOPPED if result["interrupted"] else ProblemKind.OTHER
+        raise GapError(Problem(f"the recording was stopped: {result['stopped']}; the same command goes on", kind))
     end = result["runs"][-1]["start_s"] + campaign.runs[-1].experiment.duration
     return closing._replace(machine=closing.machine._replace(clock=end))
 

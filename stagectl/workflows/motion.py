@@ -19,11 +19,12 @@ from stagectl.design.control import Layer
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.bus.other_masters import alone
-from stagectl.drives.drive import Canopen, DriveError, accepted
+from stagectl.drives.drive import Canopen, DriveError, Fault, accepted
 from stagectl.evaluation import evaluate
 from stagectl.gap.effects.library import left_out
 from stagectl.kernels.law import Setpoint
 from stagectl.plan import Plan, Start, plan
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.file_lock import sweep
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, repair
 from stagectl.recording.learned_current import Learned, check, load, nothing
@@ -31,6 +32,7 @@ from stagectl.recording.metadata import describe
 from stagectl.service.single_motion import Ended, Motion, Progress, move
 from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
 from stagectl.trajectories import Experiment
+from stagectl.units import StageError
 
 Say = Callable[[str], object]
 
@@ -157,23 +159,20 @@ def unused(what: str, suffix: str = "") -> Path:
 
 
 def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
-    """Run the motion on its drive; the result as JSON values.
+    """Run the motion on its drive; the result as JSON values, ``interrupted`` among them: how far the operator let it.
 
-    Raises DriveError where the drive cannot be reached or enabled.
+    Raises DriveError where the drive cannot be reached or enabled, StageError where it was stopped before it moved.
     """
     _check_wire(motion.setup, say)
-    sweep(motion.recording.parent)
-    for path in sorted(motion.recording.parent.glob("*.h5")):
-        with contextlib.suppress(RecordingError, OSError):  # no recording of ours: none of our business
-            if path.is_file() and repair(path):
-                say(f"the recorder of {path} had been cut off: the file is repaired, its rows are all there")
+    _repair(motion.recording.parent, say)
     with drive_present(motion.setup, say):
         ended = move(motion, progress)
     for line in _conditions(ended):
         say(line)
     if waits_for_sync(motion.setup):
         say(f"the virtual drive waits for SYNC: late cycles change nothing, each time-out is at least {HELD_UP:g} s")
-    if ended.fault:
+    interrupted = _interrupted(ended, motion)
+    if ended.fault and not interrupted:
         say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}".rstrip())
     fault = ended.words or ("" if ended.recorded else "the recorder stopped before the motion did")
     recording = open_recording(motion.recording)
@@ -181,7 +180,31 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
         say(lacks)
     result = evaluate(recording.samples, recording.meta)
     counts = {"cycles": ended.cycles, "late_cycles": ended.late, "lost_rows": recording.lost_rows, "fault": fault}
-    return {**result, **counts, "recording": str(motion.recording), "simulated": False}
+    return {**result, **counts, "interrupted": interrupted, "recording": str(motion.recording), "simulated": False}
+
+
+def _repair(folder: Path, say: Say) -> None:
+    """Finish what dead recorders left in a folder."""
+    sweep(folder)
+    for path in sorted(folder.glob("*.h5")):
+        with contextlib.suppress(RecordingError, OSError):  # no recording of ours: none of our business
+            if path.is_file() and repair(path):
+                say(f"the recorder of {path} had been cut off: the file is repaired, its rows are all there")
+
+
+def _interrupted(ended: Ended, motion: Motion) -> str:
+    """How far the operator let the motion go, in words.  Raises StageError where nothing has moved, nor is recorded."""
+    if ended.fault != Fault.OPERATOR:
+        return ""
+    if not ended.cycles:
+        raise StageError(Problem("interrupted before anything moved", ProblemKind.STOPPED))
+    return f"{ended.words} after {ended.cycles * motion.setup.dt:.3g} s; recorded: {motion.recording}"
+
+
+def check_not_interrupted(result: dict[str, Any]) -> None:
+    """Raises StageError where the operator stopped the run, so that he stops what it is part of."""
+    if words := result.get("interrupted"):
+        raise StageError(Problem(words, ProblemKind.STOPPED))
 
 
 def _check_wire(setup: Setup, say: Say) -> None:

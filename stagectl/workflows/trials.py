@@ -20,11 +20,20 @@ from stagectl import learning
 from stagectl.config.stage_file import Setup
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.number_format import length
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import learned_current
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
-from stagectl.workflows.motion import Say, blank, drive_present, perform, reseeded, with_current
+from stagectl.workflows.motion import (
+    Say,
+    blank,
+    check_not_interrupted,
+    drive_present,
+    perform,
+    reseeded,
+    with_current,
+)
 from stagectl.workflows.simulated_motion import Elsewhere, pretend
 
 Bar = Callable[[str, int], AbstractContextManager[Any]]
@@ -71,7 +80,7 @@ def ready(machine: Machine, shown: Shown) -> Iterator[None]:
 
 
 def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
-    """One run; a fault ends all of them.
+    """One run; a fault ends all of them, and so does the operator.
 
     Raises TrialError with the fault and the recording that shows it.
     """
@@ -80,6 +89,7 @@ def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
     else:
         result = perform(motion, _quiet, update)
     update(len(motion.plan.setpoints), len(motion.plan.setpoints))
+    check_not_interrupted(result)
     if result["fault"]:
         raise TrialError(f"the run was stopped: {result['fault']}; {result['recording']} shows it")
     return result
@@ -111,7 +121,7 @@ def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Pat
     state = _begin(machine.setup, base)
     total = trials * len(base.plan.setpoints)
     results: list[Result] = []
-    stopped = ""
+    stopped, end = "", Problem()
     with ready(machine, shown), shown.bar(f"learn {base.meta['trajectory']}", total) as update:
         for number in range(1, trials + 1):
             try:
@@ -120,14 +130,23 @@ def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Pat
             except (StageError, KeyboardInterrupt) as fault:
                 if number == 1:
                     raise
-                stopped = (
-                    f"trial {number}: {str(fault) or 'interrupted'}; it is undone, and what was learned before is kept"
-                )
+                end = halted(fault)
+                stopped = f"trial {number}: {end}; it is undone, and what was learned before is kept"
                 shown.say(stopped)
                 break
             state = state._replace(course=learning.after_trial(state.filters, state.settings, state.course, error))
             results.append(_said(result, state, number, shown))
-    return _learned(state, results, stopped)
+    return _learned(state, results, stopped) | {"interrupted": interruption(end)}
+
+
+def halted(fault: StageError | KeyboardInterrupt) -> Problem:
+    """Why a series of runs ends before its last one."""
+    return fault.problems[-1] if isinstance(fault, StageError) else Problem("interrupted", ProblemKind.STOPPED)
+
+
+def interruption(end: Problem) -> str:
+    """How far the operator let a series go, in words; empty where it ended otherwise."""
+    return str(end) if end.kind is ProblemKind.STOPPED else ""
 
 
 def learn_into(machine: Machine, base: Motion, trials: int, shown: Shown, path: Path) -> Result:

@@ -118,15 +118,15 @@ def stopping(at: int, words: str) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"), [("following error at 0.2 s", "following error at 0.2 s"), ("", "interrupted")]
+    ("fault", "said", "ends"), [("following error at 0.2 s", "following error at 0.2 s", 1), ("", "interrupted", 130)]
 )
 def test_stopped_it_goes_on_where_it_was(
-    command: Command, monkeypatch: pytest.MonkeyPatch, fault: str, said: str
+    command: Command, monkeypatch: pytest.MonkeyPatch, fault: str, said: str, ends: int
 ) -> None:
     arguments = ("gap", "record", "noisy.yaml", *QUICK, "--simulate", "-o", "there", "--json", "-")
     monkeypatch.setattr(campaign, "pretend", stopping(3, fault))
     code, out, err = command(*arguments)
-    assert code == 1
+    assert code == ends
     answer = json.loads(out)
     assert answer["stopped"].startswith(said)
     assert answer["left"] == ["sine-strong-2", "check-micro-2", "sine-strong-3"]
