@@ -10,6 +10,7 @@ from stagectl.config.bounds import DELAY_LINE, FIRST_OBJECT, LAST_OBJECT, SLCAN_
 from stagectl.config.stage_blocks import StageFile
 from stagectl.drives import cycle_time
 from stagectl.drives.drive import Canopen, Odrive
+from stagectl.drives.socketcand import offered
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
 
@@ -24,10 +25,34 @@ def wire_conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
         yield from _odrive(file)
         yield from slow_odrive(wire, period)
     elif isinstance(wire, Canopen):
+        yield from unusable(wire)
         yield from _objects(wire, path)
         yield from _timeouts(wire, period)
         yield from slow_slcan(wire, period)
         yield from _slow_bus(wire, period)
+
+
+_TRIED = ("embedded", "stagectl", "socketcan", "slcan", "socketcand")  # the others are passed on to python-can
+_UNUSABLE = {
+    "udp_multicast": "its frames leave this machine by the default route, and anybody there could move the axis",
+    "virtual": "it ends with the process that opens it, and the drive is none of that process",
+}
+
+
+def unusable(wire: Canopen) -> Iterator[Problem]:
+    """Why no drive can be reached over this interface, whatever the computer has."""
+    key, interface = "drive.wire.interface", wire.interface
+    if reason := _UNUSABLE.get(interface, ""):
+        yield Problem(reason, _CONFLICT, key, interface, remedy="on one machine take `interface: embedded`")
+    elif interface == "socketcand" and offered(wire.channel) is None:
+        reason = "of socketcand it must name interface, host and port, such as can0@192.168.1.2:29536"
+        yield Problem(reason, ProblemKind.VALUE, "drive.wire.channel", wire.channel)
+    elif interface not in _TRIED:
+        import can  # a tenth of a second: only where it is asked for
+
+        if interface not in can.VALID_INTERFACES:
+            known = tuple(sorted({"embedded", *can.VALID_INTERFACES} - {*_UNUSABLE, "stagectl"}))
+            yield Problem("", ProblemKind.VALUE, key, interface, choices=known)
 
 
 def eds_path(name: str, stage_file: Path) -> Path:

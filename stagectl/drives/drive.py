@@ -166,8 +166,8 @@ class Canopen(NamedTuple):
     quick_stop_deceleration: Annotated[
         float, Quantity("rad/s^2 | m/s^2", "(0, 1e7]", "ramp of the drive's own stop (0x6085)")
     ]
-    interface: Annotated[str, "embedded, socketcan, or any interface name of python-can"] = "embedded"
-    channel: Annotated[str, "can0; on the embedded bus a name or a folder"] = "stage"
+    interface: Annotated[str, "embedded, socketcan, slcan, socketcand; others are passed on to python-can"] = "embedded"
+    channel: Annotated[str, "can0; of socketcand can0@HOST:PORT; on the embedded bus a name or a folder"] = "stage"
     bitrate: Annotated[float, Quantity("bit/s", "[10e3, 1e6]", "bit rate of the bus")] = 1e6
     rpdo: Annotated[tuple[int, ...], "objects the drive receives each cycle, index_subindex"] = (0x604000, 0x607100)
     tpdo: Annotated[tuple[int, ...], "objects the drive sends each cycle, index_subindex"] = (

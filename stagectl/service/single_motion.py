@@ -180,6 +180,8 @@ def posted(motion: Motion, shared: Shared) -> Post:
 def event_of(process: Child, expected: str) -> dict[str, Any]:
     """The next event of the loop, which must be `expected`.  Raises DriveError with the loop's reason otherwise."""
     line = process.line()
+    if not line and expected == "ready":
+        raise DriveError("the real-time process did not start, nothing has moved; see the message above")
     if not line:
         raise DriveError("the real-time process died; the drive stops by itself within its heartbeat time-out")
     event: dict[str, Any] = json.loads(line)

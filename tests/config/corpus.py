@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-FREE_TEXT = {"name", "channel", "interface"}  # any printable text is a value here
+FREE_TEXT = {"name", "channel"}  # any printable text is a value here
 
 
 class Case(NamedTuple):

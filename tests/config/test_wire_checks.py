@@ -9,7 +9,7 @@ import pytest
 
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
-from stagectl.config.wire_checks import slow_odrive, slow_slcan
+from stagectl.config.wire_checks import slow_odrive, slow_slcan, unusable
 from stagectl.drives.drive import Canopen, Odrive
 from stagectl.problem import ProblemKind
 from tests.conftest import CONFIG, half_second, movable
@@ -35,6 +35,25 @@ def test_a_serial_adapter(channel: str, period: float, kind: ProblemKind | None,
     assert [problem.kind for problem in problems] == ([kind] if kind else [])
     assert all(problem.key == "drive.wire.channel" and figures in str(problem) for problem in problems)
     assert list(slow_slcan(adapter(channel, "socketcan"), period)) == []
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "key", "kind"),
+    [
+        ("embedded", "stage", "", None),
+        ("socketcan", "can0", "", None),
+        ("pcan", "PCAN_USBBUS1", "", None),  # whether its driver is there, the doctor says
+        ("socketcand", "can0@bench.local:29536", "", None),
+        ("socketcand", "can0", "channel", ProblemKind.VALUE),
+        ("socketcand", "can0@bench:0", "channel", ProblemKind.VALUE),
+        ("virtual", "stage", "interface", ProblemKind.CONFLICT),
+        ("udp_multicast", "239.74.163.2", "interface", ProblemKind.CONFLICT),
+        ("socketkan", "can0", "interface", ProblemKind.VALUE),
+    ],
+)
+def test_an_interface_reaches_another_process(interface: str, channel: str, key: str, kind: ProblemKind | None) -> None:
+    problems = [(problem.key, problem.kind) for problem in unusable(adapter(channel, interface))]
+    assert problems == ([(f"drive.wire.{key}", kind)] if kind else [])
 
 
 def test_the_line_to_an_odrive() -> None:

@@ -7,7 +7,8 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ from stagectl.realtime.single_axis import SingleAxis
 from stagectl.realtime.states import Event, State
 from stagectl.realtime.stops import STOPS
 from stagectl.recording.ring import Ring
-from stagectl.service.single_motion import Motion, Shared, laid_on, posted
+from stagectl.service.single_motion import Motion, Shared, event_of, laid_on, posted
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
 
@@ -421,6 +422,13 @@ def test_power_that_does_not_come_is_explained_and_nothing_moves(
     assert 5.0 < clock.now - 100.0 < 5.1
     assert drive.closed
     assert set(drive.applied) == {0.0}
+
+
+@pytest.mark.parametrize("expected", ["ready", "ended"])
+def test_a_loop_that_dies_before_it_is_ready_has_reached_no_drive(expected: str) -> None:
+    with pytest.raises(DriveError) as caught:
+        event_of(cast("Any", SimpleNamespace(line=lambda: "")), expected)
+    assert ("heartbeat" in str(caught.value)) is (expected == "ended")
 
 
 def test_a_drive_that_is_not_there_is_the_reason(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:

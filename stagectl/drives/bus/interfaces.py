@@ -1,4 +1,4 @@
-"""Real CAN: a SocketCAN interface of the kernel, or any interface of python-can; and every bus by its name."""
+"""Real CAN: a SocketCAN interface of the kernel, or an interface of python-can; and every bus by its name."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from stagectl.drives.bus.embedded import Embedded
 from stagectl.drives.bus.frames import EXTENDED, REMOTE, Bus, BusError, SocketBus, frame, parse
 from stagectl.drives.limits import SLCAN_OPENING_TIME, SLCAN_READ_TIME
+from stagectl.drives.socketcand import offered
 
 
 def open_bus(interface: str, channel: str, bitrate: float) -> Bus:
@@ -59,26 +60,23 @@ class SocketCan(SocketBus):
 
 
 class PythonCan:
-    """Any interface of python-can, at a lower rate; some of them start threads of their own."""
+    """An interface of python-can that needs no more than a channel and a bit rate; some start threads of their own."""
 
     def __init__(self, interface: str, channel: str, bitrate: float) -> None:
         """Open it by python-can's names.  Raises BusError."""
-        if interface == "udp_multicast":
-            raise BusError(
-                "interface = udp_multicast: its frames leave this machine by the default route, and anybody"
-                " there could move the axis; use interface: embedded on one machine",
-                place=interface,
-            )
         import can  # a tenth of a second: only where it is asked for
 
         self._can = can
         try:
-            # slcan reads its line with a time-out of its own, which a look at an empty queue would wait for
-            line: Any = (
-                {"timeout": SLCAN_READ_TIME, "sleep_after_open": SLCAN_OPENING_TIME} if interface == "slcan" else {}
-            )
-            self._bus: Any = can.Bus(interface=interface, channel=channel, bitrate=round(bitrate), **line)
-        except (can.CanError, ImportError, OSError, ValueError) as error:
+            line = {"channel": channel, "bitrate": round(bitrate), **_more(interface, channel)}
+            self._bus: Any = can.Bus(interface=interface, **line)
+        except (
+            can.CanError,
+            ImportError,
+            OSError,
+            TypeError,
+            ValueError,
+        ) as error:  # its own arguments are none of ours
             raise BusError(
                 f"interface = {interface}, channel = {channel!r}: {error}; 'python -m can.viewer -i {interface}"
                 f" -c {channel}' shows whether python-can reaches it",
@@ -112,3 +110,14 @@ class PythonCan:
     def close(self) -> None:
         """Shut python-can's bus down; it may be called twice."""
         self._bus.shutdown()
+
+
+def _more(interface: str, channel: str) -> dict[str, Any]:
+    """What an interface takes beside channel and bit rate, or in their place."""
+    if (
+        interface == "slcan"
+    ):  # it reads its line with a time-out of its own, which a look at an empty queue would wait for
+        return {"timeout": SLCAN_READ_TIME, "sleep_after_open": SLCAN_OPENING_TIME}
+    if interface == "socketcand" and (place := offered(channel)):
+        return {**place._asdict(), "bitrate": None, "tcp_tune": True}
+    return {}
