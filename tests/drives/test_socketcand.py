@@ -55,9 +55,9 @@ class Server:
                 text += line.recv(4096)
             *orders, text = text.split(b">")
             for order in orders:
-                _, _, identifier, length, *data = order.decode().split()
-                assert int(length, 16) == len(data)
-                self._bus.send(frame(int(identifier, 16), bytes(int(byte, 16) for byte in data)))
+                _, _, node, length, *sent = order.decode().split()
+                assert int(length, 16) == len(sent)
+                self._bus.send(frame(int(node, 16), bytes(int(byte, 16) for byte in sent)))
 
 
 @pytest.fixture
