@@ -24,7 +24,7 @@ from typer.core import TyperGroup
 
 from stagectl.api.arguments import ArgumentError
 from stagectl.cli import INTERRUPTED
-from stagectl.cli.usage import told
+from stagectl.cli.usage import usage_error
 from stagectl.problem import ProblemKind
 from stagectl.units import StageError
 
@@ -164,7 +164,7 @@ def main() -> None:
     try:
         _end(_run())
     except typer.TyperException as error:  # words that are no command, or that a command does not take
-        _fail(told(error))
+        _fail(usage_error(error))
     except ArgumentError as error:
         _fail(f"--{error}" + (f"; add --{error.needs}" if error.needs else ""))
     except StageError as error:

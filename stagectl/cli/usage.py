@@ -21,7 +21,7 @@ _WORDS = {  # of the parser, and ours
 }
 
 
-def told(error: typer.TyperException) -> str:
+def usage_error(error: typer.TyperException) -> str:
     """What is wrong with the words that were typed, and the command that shows which are right."""
     words = error.format_message() if hasattr(error, "format_message") else str(error)
     context = getattr(error, "ctx", None)

@@ -54,7 +54,7 @@ def test_what_an_address_says_and_nobody_reads_is_refused(
 def test_no_word_behind_its_address_keeps_an_axis_from_stopping(service: Service) -> None:
     heeded: list[bool] = []
     service.axes["axis"].board.stop = lambda *_: heeded.append(True)  # type: ignore[method-assign]
-    service.until = lambda *_: asyncio.sleep(0, True)  # type: ignore[method-assign,assignment]
+    service.until = lambda *_: asyncio.sleep(0, True)  # type: ignore[method-assign]
     assert answered(application(service), "POST", "/v1/stop?axes=x", b"?").status == 200
     assert heeded
 
