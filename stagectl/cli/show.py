@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import sys
 import time
@@ -102,10 +103,15 @@ def with_stage(words: str) -> str:
     """`words` that can be typed: with the stage file of this command where they say ``STAGE.yaml``."""
     if PLACEHOLDER not in words:
         return words
-    from stagectl.cli.configuration import kind
-
-    stage = next((path for path in typed_files() if kind(path) == "stage"), None)
+    stage = next((path for path in typed_files() if _is_stage(path)), None)
     return words if stage is None else words.replace(PLACEHOLDER, shlex.quote(str(stage)))
+
+
+def _is_stage(path: Path) -> bool:
+    """Whether a file has the first block of a stage file, or of one of several axes."""
+    if path.suffix not in (".yaml", ".yml"):
+        return False
+    return re.search(r"^ax(is|es)\s*:", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE) is not None
 
 
 def write_page(result: ReportedResult, path: Path) -> Path:
