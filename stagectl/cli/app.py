@@ -168,8 +168,10 @@ def main() -> None:
     except ArgumentError as error:
         _fail(f"--{error}" + (f"; add --{error.needs}" if error.needs else ""))
     except StageError as error:
+        from stagectl.cli.show import with_stage
+
         stopped = any(problem.kind is ProblemKind.STOPPED for problem in error.problems)
-        _fail(_with_next(error), INTERRUPTED if stopped else 2)
+        _fail(with_stage(_with_next(error)), INTERRUPTED if stopped else 2)
     except OSError as error:  # a result that cannot be written, a disk that is full
         advice = _ADVICE.get(error.errno or 0, "")
         _fail(f"{error.filename or 'the system'}: {error.strerror or error}{advice and f'; {advice}'}")
@@ -252,10 +254,6 @@ def _fail(words: str, code: int = 2) -> NoReturn:
     from rich.console import Console
     from rich.text import Text
 
-    from stagectl.cli.show import with_stage
-
     # Text, not markup: brackets and colons of a file must appear unchanged.
-    Console(stderr=True, soft_wrap=True).print(
-        Text.assemble(("error:", "bold red"), f" {with_stage(words)}"), highlight=False
-    )
+    Console(stderr=True, soft_wrap=True).print(Text.assemble(("error:", "bold red"), f" {words}"), highlight=False)
     sys.exit(code)
