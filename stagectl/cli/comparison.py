@@ -8,11 +8,13 @@ from typing import Annotated
 
 import typer
 
-from stagectl.api.arguments import switched_off
+from stagectl.api.arguments import LAYERS, switched_off
 from stagectl.cli.motion import Channel, Json, Plant, StageArgument, TrajectoryArgument, Without
 from stagectl.cli.show import console, emit, without_compiler, write_page
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
+from stagectl.problem import Problem, ProblemKind
+from stagectl.units import StageError
 
 Simulate = Annotated[bool, typer.Option("--simulate", help="On the stage model, compiled, instead of the drive.")]
 Trials = Annotated[int, typer.Option(min=1, max=100, help="Number of trials to learn from.")]
@@ -83,6 +85,9 @@ def compare(
 
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """
+    if not trajectory.exists() and set(str(trajectory).split("+")) <= {"off", "ilc", *LAYERS}:
+        reason, remedy = f"{trajectory} is a variant", "the trajectory comes before it"
+        raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy))
     require("report", "the page")
     engine(simulate)
     import stagectl as sc

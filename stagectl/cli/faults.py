@@ -12,6 +12,7 @@ from stagectl.api.arguments import quantity
 from stagectl.cli.motion import Channel, Json, StageArgument, amperes
 from stagectl.cli.show import console, emit, progress, typed, typed_files, without_compiler
 from stagectl.extras import require
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import Quantity, StageError
 
 
@@ -34,9 +35,12 @@ def inject(
         return
     from stagectl.config.fault_words import read_fault
     from stagectl.config.stage_file import load_stage
+    from stagectl.drives.faults import FAULT_TYPES
     from stagectl.drives.virtual.inject import ask, socket_path
     from stagectl.workflows.motion import canopen, on_channel
 
+    if str(stage) in FAULT_TYPES:
+        raise StageError(Problem(f"{stage} is a fault", ProblemKind.FILE, remedy="the stage file comes first"))
     if stage is None or clear == (fault is not None):
         raise StageError("give STAGE.yaml, and either the name of a fault (see --list) or --clear")
     wire = canopen(on_channel(load_stage(stage, designed=False), channel))

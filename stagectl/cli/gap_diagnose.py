@@ -11,7 +11,8 @@ from stagectl.cli.identification import Columns
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, single_threaded_algebra, typed, typed_files
 from stagectl.extras import require
-from stagectl.units import pairs
+from stagectl.problem import Problem, ProblemKind
+from stagectl.units import StageError, pairs
 
 _EXAMPLE = "kind=rotary,force_constant=0.05,inertia=1e-4"
 
@@ -61,6 +62,10 @@ def _values(model: str | None) -> dict[str, float | str] | str | None:
     """The values of `--model`, numbers as such, or its file.  Raises StageError where an entry is not NAME=VALUE."""
     if model is None or model.partition("#")[0].endswith(".xml"):
         return model
+    if model.endswith((".yaml", ".yml")):
+        raise StageError(
+            Problem(f"--model {model}: it is a stage file", ProblemKind.FILE, remedy=f"take --stage {model}")
+        )
     values: dict[str, float | str] = {}
     for name, text in pairs("--model", model, "NAME=VALUE", _EXAMPLE).items():
         try:

@@ -58,18 +58,18 @@ def scope(
 
     names = channels or ["error", "measured_current"]
     once = once or json is not None
-    awaited = read(trigger) if trigger else None
+    wanted = read(trigger) if trigger else None
     request = {
         "axis": axis,
         "channels": names,
         "span": quantity("span", span, _TIME, "it such as '1 s'"),
         "before": quantity("before", before, _SHARE, "it such as '20 %' or 0.2"),
         "points": 100_000 if json is not None else 2 * max(terminal().width - 12, 20),
-        "trigger": awaited,
+        "trigger": wanted,
         "mode": ("single" if trigger else "auto") if once else "normal" if trigger else "auto",
     }
     try:
-        seen = _waited(captures(socket or default_socket(), request), awaited, axis)
+        seen = _waited(captures(socket or default_socket(), request), wanted, axis)
         _watched(seen, names, axis, once, json)
     except RefusedError as error:
         console.print(f"refused: {error}", style="red")

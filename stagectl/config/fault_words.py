@@ -10,7 +10,7 @@ import yaml
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader
 from stagectl.drives.faults import BLOCKS, FAULT_TYPES
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, nearest
 from stagectl.units import StageError, Tagged
 
 
@@ -19,7 +19,8 @@ def read_fault(name: str, words: list[str]) -> Any:
 
     Raises StageError with the known names, parameters and ranges.
     """
-    if name in FAULT_TYPES and name not in BLOCKS:
+    check_fault(name)
+    if name not in BLOCKS:
         reason = "happens in the controller, not in a drive"
         raise StageError(Problem(reason, ProblemKind.VALUE, name, remedy="`stagectl selftest` provokes it"))
     node: Any = yaml.compose(yaml.safe_dump({"fault": name, **dict(map(_pair, words))}), Loader=yaml.SafeLoader)
@@ -28,6 +29,15 @@ def read_fault(name: str, words: list[str]) -> Any:
     if reader.problems:  # a command line has no file and no lines
         raise StageError(*(problem._replace(file=None, line=0) for problem in reader.problems))
     return block
+
+
+def check_fault(name: str, of: str = "fault") -> None:
+    """Raise StageError with the faults that may be meant, where there is none of this `name`; `of` is what names it."""
+    if name in FAULT_TYPES:
+        return
+    near = [known for known in FAULT_TYPES if name and name in known] or [nearest(name, list(FAULT_TYPES))]
+    remedy = f"did you mean {', '.join(near)}?" if near[0] else "`stagectl inject --list` shows all"
+    raise StageError(Problem("is no fault", ProblemKind.UNKNOWN, of, name, remedy=remedy))
 
 
 def _pair(word: str) -> tuple[str, str]:

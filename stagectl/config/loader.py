@@ -149,8 +149,8 @@ class Reader:
             value = self._convert(plain(hint), unit, node.value)
         except StageError as error:
             cause = error.problems[0]
-            refused = out_of_range._replace(reason=cause.reason, kind=cause.kind)
-            self.refuse(node, refused._replace(choices=cause.choices, remedy=cause.remedy))
+            problem = out_of_range._replace(reason=cause.reason, kind=cause.kind, choices=cause.choices)
+            self.refuse(node, problem._replace(remedy=cause.remedy))
             return None
         if quantity is not None and not quantity.admits(value):
             self.refuse(node, out_of_range)

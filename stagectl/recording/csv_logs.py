@@ -61,6 +61,7 @@ def read(
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
     scales = _scales(path, names, setup, scales_of_nominal(nominal, beside) if nominal else None)
+    _of_this_kind(path, names, scales)
     known, notes = _known(path, names, scales)
     table, cut = read_table(path, names, list(known), how)
     columns = {ours: _scaled(table.pop(name), scale) for name, (ours, scale) in known.items()}
@@ -154,7 +155,6 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
             known[name] = ours_and_factor
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
-        _of_this_kind(path, names, scales)
         reason = (
             f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say which are "
             "they: --columns time=NAME,position=NAME:mm"

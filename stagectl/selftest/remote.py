@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from stagectl.config.fault_words import check_fault
 from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
 from stagectl.drives.bus import faulty_bus
@@ -216,8 +217,7 @@ def bench(setup: Setup, only: list[str] | None, gentle: Gentle | None) -> Bench:
     Raises StageError where there is no such fault, and where the drive must not or cannot be moved so.
     """
     for name in only or ():
-        if name not in faults.FAULT_TYPES:
-            raise StageError(f"--only {name}; must be one of {', '.join(faults.FAULT_TYPES)}")
+        check_fault(name, "--only")
     chosen = frozenset(only or ())
     return virtual(setup, chosen) if gentle is None else real(setup, gentle, chosen)
 

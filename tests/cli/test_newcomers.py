@@ -23,7 +23,7 @@ _ROWS = [f"{k * 1e-3:.3f},{0.5 * math.sin(k * 1e-2):.6f},{math.cos(k * 1e-2):.4f
 _NEXT = re.compile(
     r"stagectl [a-z]|--help|`ls |[Dd]id you mean|must (be|lie|have|increase|give)|its columns are"
     r"|: known are|give |choose |write it|check |replace |remove |save it|cut the log|python -m "
-    r"|copy it|make room|name the|these can|record a|relative to|nothing has moved|: take "
+    r"|copy it|make room|name the|these can|record a|relative to|nothing has moved|: take |comes (first|before)"
 )
 
 _RAW = re.compile(r"codec can't|Expecting |indices must|ErrorID|XML_ERROR")  # a parser's or decoder's own words
@@ -82,6 +82,7 @@ STAGES = {
     "interface.yaml": ("interface: embedded", "interface: sockecan"),
 }
 LOGS = {
+    "rotary.csv": ["time_s,measured_rad,current_A,measured_current_A", *(f"{row},0" for row in _ROWS)],
     "empty.csv": [],
     "head.csv": [_HEAD],
     "nan.csv": [_HEAD, *(f"{k * 1e-3},nan,nan" for k in range(300))],
@@ -179,6 +180,13 @@ MISTAKES = [
     (f"gap record out {S}", "give `-o out`", 2),
     ("replay a.h5 b.h5", "replay` takes RECORDING.h5 alone, not a.h5 b.h5", 2),
     ("enable x", "give `--axis x`", 2),
+    (f"inject encoder-stuck {S}", "encoder-stuck is a fault: the stage file comes first", 2),
+    (f"inject {S} jump", "fault = jump; is no fault: did you mean encoder-jump", 2),
+    (f"selftest {S} --only encoder", "did you mean encoder-", 2),
+    (f"compare {S} off ptc {T}", "off is a variant: the trajectory comes before it", 2),
+    (f"gap diagnose good.csv --model {S}", f"it is a stage file: take --stage {S}", 2),
+    ("gap next fake.h5", "it looks like a recording: give the folder", 2),
+    ("gap diagnose rotary.csv --stage config/linear-slider.yaml", "rotary.csv has measured_rad", 2),
     (f"virtual-drive {S} --machine-of-the-day seven", "'seven' must be a whole number", 2),
     ("report good.h5 -o x.pdf", "x.pdf: a page ends in .html: take x.html", 2),
     (f"tune {S} --report x.pdf", "x.pdf: a page ends in .html: take x.html", 2),

@@ -97,7 +97,7 @@ def test_words_are_read_as_strictly_as_a_file(command: Command) -> None:
         ("encoder-stuck", ["duration=1"], "the unit is missing"),
         ("encoder-stuck", ["durations=1s"], "did you mean duration"),
         ("encoder-stuck", ["duration"], "write it as key=value"),
-        ("encoder-stukc", [], "must be one of"),
+        ("encoder-stukc", [], "did you mean encoder-stuck"),
         ("loop-stalled", [], "happens in the controller"),
     ):
         with pytest.raises(StageError, match=message):

@@ -93,6 +93,8 @@ def load(place: Path) -> DiagnosisResult:
 def _next(path: Path) -> str:
     if path.suffix in (".yaml", ".yml"):
         return "it looks like a stage file: give the folder of the captures first, the stage file last"
+    if path.suffix == ".h5":
+        return "it looks like a recording: give the folder that `gap diagnose -o` wrote"
     return "run `stagectl gap diagnose` again"
 
 
