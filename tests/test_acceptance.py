@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.wire import on_channel
 from stagectl.drives.drive import DriveError
 from stagectl.units import StageError
 from stagectl.workflows.acceptance import protocol, result
 from stagectl.workflows.acceptance.protocol import STEPS, Signatory, Step
 from stagectl.workflows.acceptance.result import Acceptance, Outcome, StepResult
 from stagectl.workflows.acceptance.traces import Trace
-from stagectl.workflows.motion import on_channel
 from tests.conftest import CONFIG, Command, movable
 from tests.zoo.bench import drive
 from tests.zoo.diary import Diary

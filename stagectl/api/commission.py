@@ -28,6 +28,7 @@ from stagectl.api.stage import DesignedStage, load_stage
 from stagectl.api.tuning import TunedGains, tune
 from stagectl.config import stage_file
 from stagectl.config.stage_file import Setup
+from stagectl.config.wire import lasting, on_channel, with_machine_of_the_day
 from stagectl.gap.experiment_design.battery import battery
 from stagectl.gap.experiment_design.experiment import yaml_of
 from stagectl.gap.experiment_design.unseen import unseen
@@ -41,7 +42,7 @@ from stagectl.workflows.acceptance import protocol
 from stagectl.workflows.acceptance.result import signed
 from stagectl.workflows.closing_shares import REST
 from stagectl.workflows.machine_of_the_day import drawn
-from stagectl.workflows.motion import lasting, line_of, on_channel, with_machine_of_the_day
+from stagectl.workflows.motion import line_of
 from stagectl.workflows.trials import Shown, TrialError, ready
 
 SINES = ("sine-slow", "sine-medium", "sine-strong")  # what the plain model is identified from

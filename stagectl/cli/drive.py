@@ -40,9 +40,10 @@ def dump(
     """
     without_compiler()
     from stagectl.config.stage_file import load_stage
+    from stagectl.config.wire import on_channel
     from stagectl.drives.canopen.dump import dump as read
     from stagectl.drives.canopen.dump import write_dcf
-    from stagectl.workflows.motion import line_of, on_channel
+    from stagectl.workflows.motion import line_of
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print, anyway) as (wire, line), progress(f"node {wire.node}", 1) as update:
@@ -89,8 +90,9 @@ def probe(
     without_compiler()
     from stagectl.config.stage_file import load_stage
     from stagectl.config.time_outs import axis_limits
+    from stagectl.config.wire import on_channel
     from stagectl.drives.canopen.probe import probe as ask
-    from stagectl.workflows.motion import line_of, on_channel
+    from stagectl.workflows.motion import line_of
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print, anyway) as (wire, line):

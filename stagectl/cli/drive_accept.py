@@ -44,11 +44,11 @@ def accept(
     without_compiler()
     require("report", "the signed page")
     from stagectl.config.stage_file import load_stage
+    from stagectl.config.wire import on_channel
     from stagectl.workflows.acceptance.page import free_places, write_pages
     from stagectl.workflows.acceptance.protocol import Signatory, virtual
     from stagectl.workflows.acceptance.protocol import accept as perform
     from stagectl.workflows.acceptance.result import read_key, signed
-    from stagectl.workflows.motion import on_channel
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     if yes and not virtual(setup):

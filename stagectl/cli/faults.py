@@ -35,9 +35,9 @@ def inject(
         return
     from stagectl.config.fault_words import read_fault
     from stagectl.config.stage_file import load_stage
+    from stagectl.config.wire import canopen, on_channel
     from stagectl.drives.faults import FAULT_TYPES
     from stagectl.drives.virtual.inject import ask, socket_path
-    from stagectl.workflows.motion import canopen, on_channel
 
     if str(stage) in FAULT_TYPES:
         raise StageError(Problem(f"{stage} is a fault", ProblemKind.FILE, remedy="the stage file comes first"))
@@ -74,8 +74,9 @@ def selftest(
 
         check_name(report)
     from stagectl.config.stage_file import load_stage
+    from stagectl.config.wire import canopen
     from stagectl.selftest import matrix, remote
-    from stagectl.workflows.motion import canopen, drive_present
+    from stagectl.workflows.motion import drive_present
 
     setup = load_stage(stage)
     canopen(setup)  # refuses any other wire

@@ -178,10 +178,11 @@ def virtual_drive(
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")  # compiled, its plant is lighter on the machine
     from stagectl.config.stage_file import load_stage
+    from stagectl.config.wire import canopen, on_channel, with_machine_of_the_day
     from stagectl.drives.drive import Odrive
     from stagectl.realtime.scheduling import follow_parent
     from stagectl.service.virtual_drive import serve, serve_odrive
-    from stagectl.workflows.motion import canopen, on_channel, reseeded, with_machine_of_the_day
+    from stagectl.workflows.motion import reseeded
 
     if follow:
         follow_parent()

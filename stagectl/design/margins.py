@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from stagectl.design.constants import FREQUENCIES, LOWEST, SHORTEST_LAG
 from stagectl.design.control import Feedback, computable
@@ -74,6 +73,8 @@ def _sampled(p: stage.Stage, dt: float, held: bool) -> tuple[NDArray[np.float64]
     a = np.array([[0, 1, 0], rates, [0, 0, -1 / lag]])
     whole: NDArray[np.float64] = np.zeros((4, 4))
     whole[:3, :3], whole[2, 3] = a, 1 / lag
+    from scipy.linalg import expm  # of a quarter of a second, which a command that designs nothing need not wait for
+
     stepped = expm(whole * dt)
     return stepped[:3, :3], stepped[:3, 3]
 

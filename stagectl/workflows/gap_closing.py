@@ -27,6 +27,7 @@ from stagectl.config.machine_file import text_of
 from stagectl.config.patch import patched
 from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.wire import lasting
 from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import EFFECTS, answered, coordinate_label, label
 from stagectl.gap.experiment_design.battery import battery, held_out
@@ -47,7 +48,7 @@ from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, le
 from stagectl.workflows.closing_forecast import foretold
 from stagectl.workflows.closing_shares import shares
 from stagectl.workflows.layer_comparison import compare
-from stagectl.workflows.motion import Commanded, lasting, lay_out
+from stagectl.workflows.motion import Commanded, lay_out
 from stagectl.workflows.trials import Machine, Result, Shown, ready
 
 REPEATS = 3  # of each experiment and of each comparison; chosen: the least that shows how much chance varies them

@@ -26,12 +26,12 @@ from canopen.profiles.p402 import BaseNode402
 from measure import Against, Contender, interleaved, versus
 from scene import STAGE, scene
 
+from stagectl.config.wire import canopen as wire_of
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.drive import Canopen
-from stagectl.workflows.motion import canopen as wire_of
 
 CALLS = 2000  # of the codec in a round
 CYCLES = 1000  # on the bus in a round

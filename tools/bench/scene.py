@@ -8,6 +8,7 @@ from typing import NamedTuple
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.config.wire import on_channel
 from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
 from stagectl.realtime.axes import Post
@@ -15,7 +16,6 @@ from stagectl.realtime.shared_memory import Board
 from stagectl.recording.ring import Ring
 from stagectl.service import single_motion
 from stagectl.service.single_motion import Shared
-from stagectl.workflows.motion import on_channel
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 STAGE = CONFIG / "ball-screw.yaml"

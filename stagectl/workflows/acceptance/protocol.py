@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
+from stagectl.config.wire import canopen
 from stagectl.recording.metadata import versions
 from stagectl.units import StageError
 from stagectl.workflows.acceptance import steps
 from stagectl.workflows.acceptance.limits import LONGEST_NAME
 from stagectl.workflows.acceptance.result import Acceptance, Outcome, StepResult
 from stagectl.workflows.acceptance.workbench import Found, StepError, Workbench
-from stagectl.workflows.motion import Say, canopen, drive_present
+from stagectl.workflows.motion import Say, drive_present
 
 
 class Step(NamedTuple):
