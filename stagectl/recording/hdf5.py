@@ -127,6 +127,7 @@ class Writer:
             for name, value in _ending(ended, complete, lost_rows, gaps).items():
                 self._file.attrs.modify(name, value)
             self._file.close()
+            os.ftruncate(self._held.fileno(), _end_of(self.path))  # what was reserved and not needed
         self._held.close()
 
     def _damaged_by(self, action: str) -> contextlib.AbstractContextManager[None]:
@@ -195,14 +196,19 @@ def _not_cut_short(path: Path) -> None:
     with contextlib.suppress(OSError):  # of a file that may only be read
         if being_written(path):
             return
-    with path.open("rb") as file:
-        head = file.read(_HEAD.size)
-    if not head.startswith(_HDF5):
-        return
-    size, end = path.stat().st_size, _HEAD.unpack(head)[-1] if len(head) == _HEAD.size else _HEAD.size
+    size, end = path.stat().st_size, _end_of(path)
     if size < end:
         reason = f"{path} has {size} of {end} bytes: it was cut short; copy it again"
         raise RecordingError(reason, path, ProblemKind.SYNTAX)
+
+
+def _end_of(path: Path) -> int:
+    """Where HDF5 says that its file ends (byte); 0 where the file is none of ours."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD.size)
+    if not head.startswith(_HDF5):
+        return 0
+    return int(_HEAD.unpack(head)[-1]) if len(head) == _HEAD.size else _HEAD.size
 
 
 @contextlib.contextmanager

@@ -144,3 +144,15 @@ def test_a_killed_writer_leaves_the_rows_that_all_datasets_have(tmp_path: Path, 
     with h5py.File(tmp_path / "killed.h5", "r+") as file:
         file["samples"].resize((4096 - BLOCK,))
     assert same(open_recording(tmp_path / "killed.h5").samples, rows[: 4096 - BLOCK])
+
+
+@pytest.mark.parametrize("count", [1, 7500])
+def test_room_that_was_not_needed_is_given_back(
+    motion: tuple[dict[str, Any], NDArray[Any]], tmp_path: Path, count: int
+) -> None:
+    meta, rows = motion
+    save(tmp_path / "a.h5", meta, rows[:count], "complete")
+    with h5py.File(tmp_path / "a.h5") as file:
+        content = sum(each.id.get_storage_size() for each in file.values())
+    assert (tmp_path / "a.h5").stat().st_size < content + (1 << 16)
+    assert (tmp_path / "a.h5").stat().st_blocks * 512 < content + (1 << 16)
