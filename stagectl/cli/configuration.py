@@ -39,7 +39,8 @@ def _check(path: Path) -> dict[str, Any]:
     try:
         known = {str(axis): _known(axis) for axis in axes_of(path)}
         for axis, axis_file in known.items():
-            console.print(Text.assemble(("good", "green"), f"  {axis}: {axis_file.words}"))
+            headline = ("valid", "yellow") if axis_file.warnings else ("good", "green")
+            console.print(Text.assemble(headline, f"  {axis}: {axis_file.words}"))
             for warning in axis_file.warnings:
                 console.print(Text.assemble(("warning:", "bold yellow"), f" {axis}: {warning}"))
         warnings = [warning for axis_file in known.values() for warning in axis_file.warnings]
@@ -93,10 +94,12 @@ def _stage(path: Path) -> _Known:
     control = setup.file.control
     reached = setup.margins
     name, value, unit = design.speed(control)
+    watched = ", with the observer" if "observer" in control.layers else ""
+    phase, least = math.degrees(reached.phase), math.degrees(control.margin)
     return _Known(
-        f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; phase margin "
-        f"{math.degrees(reached.phase):.1f} deg, gain margin {20 * math.log10(reached.gain):.1f} dB, "
-        f"crossover {reached.crossover:.1f} Hz{', with the observer' if 'observer' in control.layers else ''} "
+        f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; "
+        f"phase margin {phase:.1f} deg (at least {least:g}), gain margin {20 * math.log10(reached.gain):.1f} dB, "
+        f"crossover {reached.crossover:.1f} Hz{watched} "
         f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples})",
         tuple(filter(None, (design.limit_cycle_warning(setup.stage, control), stops_beyond(setup.file)))),
     )

@@ -45,7 +45,7 @@ def accept(
     require("report", "the signed page")
     from stagectl.config.stage_file import load_stage
     from stagectl.config.wire import on_channel
-    from stagectl.workflows.acceptance.page import free_places, write_pages
+    from stagectl.workflows.acceptance.page import BUT_VIRTUAL, free_places, write_pages
     from stagectl.workflows.acceptance.protocol import Signatory, virtual
     from stagectl.workflows.acceptance.protocol import accept as perform
     from stagectl.workflows.acceptance.result import read_key, signed
@@ -65,7 +65,8 @@ def accept(
     signature = signed(result, secret)
     for file in write_pages(result, signature, path):
         console.print(f"wrote {file}")
-    console.print("accepted" if result.accepted else "NOT ACCEPTED: do not run this axis")
+    accepted = f"accepted{BUT_VIRTUAL if result.virtual else ''}"
+    console.print(accepted if result.accepted else "NOT ACCEPTED: do not run this axis")
     emit(signature, json, result.accepted)
 
 

@@ -90,8 +90,9 @@ def _speeds(session: Session, motions: list[ReferenceMotion]) -> str:
             "bias"
         )
     return (
-        f"{most or 'no'} speed{'s were' if most != 1 else ' was'} held; with fewer than {thresholds.SPEED_COUNT} a "
-        "curvature of viscous friction cannot be separated from a Stribeck rise"
+        f"the speed stayed nearly constant for {thresholds.HELD_TIME:g} s at {most or 'no'} value"
+        f"{'s' if most > 1 else ''}; with fewer than {thresholds.SPEED_COUNT} a curvature of viscous friction cannot "
+        "be separated from a Stribeck rise"
     )
 
 

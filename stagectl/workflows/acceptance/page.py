@@ -22,8 +22,9 @@ from stagectl.workflows.acceptance.traces import Trace
 
 _HEAD = ["step", "what was tried", "result", "distance", "bound", "what was found"]
 _SENTENCES = (1, 2, 5)  # columns
+BUT_VIRTUAL = ", on a virtual drive: this says nothing about a machine"
 _VIRTUAL = (
-    "a virtual drive: this page says nothing about a machine. With simulation.clock: sync its axis stands still while"
+    "a virtual drive. With simulation.clock: sync its axis stands still while"
     " the bus is silent; then the distances of kill and silence say how far it came until then, not how it brakes"
 )
 
@@ -62,7 +63,7 @@ def write_pages(result: Acceptance, signature: dict[str, Any], path: Path) -> tu
 def _page(result: Acceptance, signature: dict[str, Any], machine: Path) -> Page:
     missing = [step for step in result.steps if step.outcome.value != "passed"]
     answer = (
-        f"Accepted: all {len(result.steps)} steps were done and passed."
+        f"Accepted: all {len(result.steps)} steps were done and passed{BUT_VIRTUAL if result.virtual else ''}."
         if result.accepted
         else "NOT ACCEPTED: " + "; ".join(f"{step.name} {step.outcome.value}" for step in missing) + "."
     )
