@@ -14,6 +14,7 @@ from stagectl.api.arguments import ArgumentError, PathLike
 from stagectl.api.checked import checked
 from stagectl.extras import require
 from stagectl.problem import write_text
+from stagectl.replacing import JSON, check_replaceable
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -90,7 +91,10 @@ class ReportedResult(PrintedResult):
 
     @checked
     def save(self, path: PathLike) -> Path:
-        """Write JSON (``.json``) or the page (``.html``).  Raises ArgumentError for another kind of file."""
+        """Write JSON (``.json``) or the page (``.html``).  Raises ArgumentError for another kind of file.
+
+        Raises StageError where a file is there that is none of that kind and of ours.
+        """
         target = Path(path)
         if target.suffix not in (".json", ".html"):
             raise ArgumentError("path", target, "; must end in .json or .html")
@@ -100,6 +104,7 @@ class ReportedResult(PrintedResult):
             from stagectl.report.page import write
 
             return write(self.page(), target)
+        check_replaceable(target, JSON)
         write_text(target, json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n")
         return target
 

@@ -18,6 +18,7 @@ from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
 from stagectl.config.patch import Change, check_values, patched, replace_file
 from stagectl.extras import require
+from stagectl.replacing import left_as_it_is
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,11 +143,13 @@ class DesignedStage(PrintedResult):
         """Write the stage file, and return the stage that it holds.
 
         Raises ConfigError where `path` cannot be written, or the stage would be refused there; ArgumentError where it
-        is no name of a stage file.
+        is no name of a stage file, StageError where another file is there than the one that the stage was loaded from.
         """
         target = Path(path)
         if target.suffix not in (".yaml", ".yml"):
             raise ArgumentError("path", target, "; must end in .yaml")
+        if target.is_file() and target.resolve() != self.path.resolve() and target.read_bytes() != self.text.encode():
+            raise left_as_it_is(target, "is not the file of this stage")
         target.parent.mkdir(parents=True, exist_ok=True)
         replace_file(target, self.text.encode(), lambda written: load_stage(written))
         return load_stage(target)

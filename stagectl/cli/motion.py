@@ -6,7 +6,7 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,6 +23,7 @@ from stagectl.cli.show import (
     without_compiler,
 )
 from stagectl.extras import require
+from stagectl.replacing import JSON, JSON_LINES, PAGE, check_replaceable
 from stagectl.units import Quantity
 
 if TYPE_CHECKING:
@@ -30,9 +31,31 @@ if TYPE_CHECKING:
 
 StageArgument = Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")]
 TrajectoryArgument = Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")]
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
+
+
+def replacing(mark: str) -> Callable[[Any], Any]:
+    """What refuses a file that a long computation could not replace in the end, before it begins; see `replacing`."""
+
+    def check(value: Any) -> Any:
+        if value is not None and str(value) != "-":
+            check_replaceable(Path(value), mark)
+        return value
+
+    return check
+
+
+Json = Annotated[
+    str | None,
+    typer.Option("--json", metavar="FILE", callback=replacing(JSON), help="Result as JSON; - for standard output."),
+]
 Lines = Annotated[
-    str | None, typer.Option("--json", metavar="FILE", help="A line of JSON for each message; - for standard output.")
+    str | None,
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        callback=replacing(JSON_LINES),
+        help="A line of JSON for each message; - for standard output.",
+    ),
 ]
 Without = Annotated[
     list[str] | None,
@@ -47,7 +70,13 @@ Write = Annotated[
     typer.Option("--write", metavar="STAGE.yaml", help="Write the result into a copy, or the file itself."),
 ]
 Report = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into recordings/.")
+    Path | None,
+    typer.Option(
+        "--report",
+        metavar="FILE.html",
+        callback=replacing(PAGE),
+        help="Where the page goes, else into recordings/.",
+    ),
 ]
 Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to record.")]
 Learned = Annotated[

@@ -10,6 +10,7 @@ import typer
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, typed
 from stagectl.extras import require
+from stagectl.replacing import PAGE, check_replaceable
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -91,12 +92,14 @@ def _export_model(stage: Path, to: Format, output: Path | None, json: Json) -> N
     from stagectl.report.page import write
 
     path = models.SIMULATORS[to].file(stage, output)
+    report_file = path.with_suffix(f".{to}.html")  # the models of a stage may share a name
+    check_replaceable(report_file, PAGE)
     setup = load_stage(stage)
     path.parent.mkdir(parents=True, exist_ok=True)
     exported = models.SIMULATORS[to].write(setup, path)
     for file in exported.files:
         console.print(f"wrote {file}")
-    report_file = write(page(setup, exported, typed()), exported.files[0].with_suffix(".html"))
+    write(page(setup, exported, typed()), report_file)
     for words in (*(f"not held: {entry}" for entry in exported.lost), *exported.notes):
         console.print(words, markup=False)
     console.print(answer(exported))

@@ -12,6 +12,7 @@ from stagectl.extras import require
 from stagectl.interchange.round_trip import Compared
 from stagectl.problem import ProblemKind
 from stagectl.recording.file_lock import DataFileError
+from stagectl.replacing import check_replaceable
 from stagectl.units import StageError, quantity_of
 
 
@@ -37,7 +38,12 @@ class ExportedModel(NamedTuple):
 
 
 def write_texts(files: Mapping[Path, str]) -> None:
-    """Write each file's text.  Raises ExportError where one cannot be written."""
+    """Write each file's text.
+
+    Raises ExportError where one cannot be written, StageError where a file is there that begins differently.
+    """
+    for file, text in files.items():
+        check_replaceable(file, text.splitlines()[0])
     for file, text in files.items():
         with ExportError.instead_of((OSError,), f"{file} cannot be written", file, ProblemKind.FILE):
             file.write_text(text, encoding="utf-8")

@@ -26,6 +26,7 @@ from stagectl.recording.constants import AT_REST, RUN
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.metadata import flat
 from stagectl.recording.nominal_yaml import nominal_of
+from stagectl.replacing import check_replaceable
 from stagectl.trajectories import Recorded
 
 # Columns of a capture folder and ours that they show; the header appends the unit.
@@ -48,7 +49,8 @@ class Exported(NamedTuple):
 def export(recordings: list[Recording], to: str, path: Path | None) -> list[Exported]:
     """Write `recordings` in the format `to` of FORMATS, each next to its recording where no `path` is given.
 
-    A folder takes all of them together.  Raises RecordingError where the recordings do not fit the format.
+    A folder takes all of them together.  Raises RecordingError where the recordings do not fit the format, StageError
+    where a file is there that is no export of that format, or that only the recording's name leads to.
     """
     if to not in FORMATS:
         raise RecordingError(Problem("", ProblemKind.VALUE, "format", to, choices=FORMATS))
@@ -57,12 +59,17 @@ def export(recordings: list[Recording], to: str, path: Path | None) -> list[Expo
             reason = f"{recording.path} holds no rows: there is nothing to export"
             raise RecordingError(reason, recording.path, ProblemKind.MISSING)
     if to == FOLDER:
+        if path is None:
+            check_replaceable(recordings[0].path.with_suffix("") / "captures.yaml", "")
         return [write_folder(recordings, path or recordings[0].path.with_suffix(""))]
     if path is not None and len(recordings) > 1:
         reason = f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder"
         raise RecordingError(reason, path, ProblemKind.CONFLICT)
     suffix = ".yaml" if to == "trajectory" else f".{to}"
-    return [_write(to, recording, path or recording.path.with_suffix(suffix)) for recording in recordings]
+    targets = [path or recording.path.with_suffix(suffix) for recording in recordings]
+    for target in targets:  # under a name that nobody typed may be what somebody has written
+        check_replaceable(target, _MARKS[to] if path else "")
+    return [_write(to, recording, target) for recording, target in zip(recordings, targets, strict=True)]
 
 
 def _write(to: str, recording: Recording, path: Path) -> Exported:
@@ -154,6 +161,7 @@ def write_trajectory(recording: Recording, path: Path) -> list[str]:
     fastest = AT_REST * float(np.abs(np.gradient(reference, time)).max(initial=0.0))
     ends = {"run_up": abs(curve.initial_velocity) > fastest, "run_out": abs(curve.final_velocity) > fastest}
     table = path.with_name(f"{path.stem}-samples.csv")  # never over an export of all columns
+    check_replaceable(table, "time_s,reference_")
     unit = units(recording)
     write_columns(table, {header(name, unit[name]): recording.column(name) for name in ("time", "reference")})
     lines = [f"# The reference of {recording.path.name} ({recording.meta['name']}).", "type: csv"]
@@ -170,6 +178,14 @@ WRITERS: dict[str, Callable[[Recording, Path], list[str]]] = {
     "mat": write_mat,
     "mcap": write_mcap,
     "trajectory": write_trajectory,
+}
+# What stands in the beginning of each.
+_MARKS = {
+    "csv": "time_s",
+    "parquet": "PAR1",
+    "mat": "MATLAB 5.0 MAT-file",
+    "mcap": "MCAP0",
+    "trajectory": "# The reference of ",
 }
 FOLDER = "folder"
 FORMATS = (*WRITERS, FOLDER)

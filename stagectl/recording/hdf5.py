@@ -181,8 +181,7 @@ def check_name(path: Path) -> None:
 
 def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str, complete: bool = True) -> None:
     """Write a whole recording at once (a simulation, an import); `samples` is structured or (n, width)."""
-    names = samples.dtype.names or rollout.COLUMNS
-    writer = Writer(path, meta, tuple(names))
+    writer = Writer(path, meta, tuple(samples.dtype.names or rollout.COLUMNS))
     writer.append(np.ascontiguousarray(samples).tobytes())
     writer.close(ended, 0, complete)
 
@@ -190,8 +189,7 @@ def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str, co
 def _not_cut_short(path: Path) -> None:
     """HDF5 would look for the missing end without an end of its own.  Raises RecordingError.
 
-    The end of the file stands in its first bytes (HDF5 file format specification, superblock version 3).  While it is
-    being written that is ahead of its size now and then.
+    While the file is being written its end is ahead of its size now and then.
     """
     with contextlib.suppress(OSError):  # of a file that may only be read
         if being_written(path):
@@ -203,12 +201,11 @@ def _not_cut_short(path: Path) -> None:
 
 
 def _end_of(path: Path) -> int:
-    """Where HDF5 says that its file ends (byte); 0 where the file is none of ours."""
+    """Where a file says that it ends (byte; HDF5 specification, superblock version 3); 0 where it is none of ours."""
     with path.open("rb") as file:
         head = file.read(_HEAD.size)
-    if not head.startswith(_HDF5):
-        return 0
-    return int(_HEAD.unpack(head)[-1]) if len(head) == _HEAD.size else _HEAD.size
+    end = int(_HEAD.unpack(head)[-1]) if len(head) == _HEAD.size else _HEAD.size
+    return end if head.startswith(_HDF5) else 0
 
 
 @contextlib.contextmanager

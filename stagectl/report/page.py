@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.problem import Problem, ProblemKind, write_text
+from stagectl.replacing import PAGE, check_replaceable
 from stagectl.units import StageError
 from stagectl.web import assets
 
@@ -66,11 +67,12 @@ def check_name(path: Path) -> None:
 def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     """Write the page as one self-contained file, with the text of its configuration `files`.
 
-    Raises StageError where `path` is no name of a page.
+    Raises StageError where `path` is no name of a page, or another file than a page of ours is there.
     """
     import jinja2  # a table needs none
 
     check_name(path)
+    check_replaceable(path, PAGE)
     path.parent.mkdir(parents=True, exist_ok=True)
     config = {**page.config, **{str(file): file.read_text(encoding="utf-8") for file in files}}
     listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]

@@ -253,7 +253,7 @@ def test_without_a_compiler_it_says_so(command: Command, tmp_path: Path, monkeyp
     out = tmp_path / "a.fmu"
     code, _, words = command("export", CONFIG / "ball-screw.yaml", "--to", "fmu", "-o", out)
     assert code == 0 and "no C compiler on this machine" in words and f"fmpy compile {out}" in words.replace("\n", "")
-    assert "Written, and not run" in words and "no C compiler" in out.with_suffix(".html").read_text()
+    assert "Written, and not run" in words and "no C compiler" in out.with_suffix(".fmu.html").read_text()
 
 
 def test_a_compiler_that_fails_is_an_error(ball_screw: Setup, tmp_path: Path) -> None:

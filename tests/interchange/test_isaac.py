@@ -124,4 +124,4 @@ def test_the_command(command: Command, tmp_path: Path) -> None:
     assert code == 0 and "Isaac Sim did not run" in words
     assert [line.split(":")[0] for line in told["lost"]][-1] == "friction"
     assert not [line for line in told["lost"] if line.startswith("encoder.delay_samples")]
-    assert "PhysX" in out.with_suffix(".html").read_text()
+    assert "PhysX" in out.with_suffix(".isaac.html").read_text()

@@ -128,7 +128,7 @@ def test_the_command(command: Command, tmp_path: Path) -> None:
     place, out = CONFIG / "ball-screw.yaml", tmp_path / "a.xml"
     code, out_words, err_words = command("export", place, "--to", "mujoco", "-o", out, "--json", tmp_path / "a.json")
     assert code == 0 and "not held: drive.current_quantum = 0.004 A" in out_words + err_words
-    assert "current_quantum" in out.with_suffix(".html").read_text()
+    assert "current_quantum" in out.with_suffix(".mujoco.html").read_text()
     assert (tmp_path / "a_friction.py").is_file()
     mujoco.MjModel.from_xml_path(str(out))
     assert len(json.loads((tmp_path / "a.json").read_text())["files"]) == 2

@@ -21,6 +21,7 @@ from stagectl.interchange.fmu import description, model_header
 from stagectl.interchange.fmu.variables import variables
 from stagectl.interchange.round_trip import Array, Simulated, compared
 from stagectl.problem import ProblemKind
+from stagectl.replacing import check_replaceable
 from stagectl.units import StageError
 
 SOURCE = "fmi3.c"
@@ -43,6 +44,7 @@ def write(setup: Setup, path: Path, with_compiler: str | None) -> None:
 
     Raises CompileError, and OSError where the file cannot be written.
     """
+    check_replaceable(path, "PK")
     identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     identifier = f"_{identifier}" if identifier[0].isdigit() else identifier
     with TemporaryDirectory() as temporary:

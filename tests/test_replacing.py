@@ -1,0 +1,86 @@
+"""What a person wrote by hand is never replaced by a result; what stagectl wrote is, by a result of the same kind."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import stagectl as sc
+from stagectl.problem import ProblemKind
+from stagectl.recording.exports import WRITERS, export
+from stagectl.recording.hdf5 import open_recording
+from stagectl.replacing import JSON, PAGE, check_replaceable
+from stagectl.units import StageError
+from tests.conftest import CONFIG, Command
+from tests.problems import refused
+
+BY_HAND = "# mine\n"
+
+
+@pytest.fixture
+def recording(tmp_path: Path, command: Command) -> Path:
+    (tmp_path / "sine.yaml").write_text("{type: sine, amplitude: 1 mm, frequency: 2 Hz, periods: 2}")
+    assert command("simulate", CONFIG / "ball-screw.yaml", tmp_path / "sine.yaml", "-o", tmp_path / "a.h5")[0] == 0
+    return tmp_path / "a.h5"
+
+
+@pytest.mark.parametrize("mark", [JSON, PAGE])
+def test_another_kind_of_file_is_left(tmp_path: Path, mark: str) -> None:
+    path = tmp_path / "there"
+    check_replaceable(path, mark)
+    for content in ("", f"<!doctype html>\n{mark}"):
+        path.write_text(content)
+        check_replaceable(path, mark)
+    path.write_text(BY_HAND)
+    with refused(StageError, kind=ProblemKind.CONFLICT, file=path):
+        check_replaceable(path, mark)
+
+
+@pytest.mark.parametrize("to", WRITERS)
+def test_an_export_replaces_an_export_whose_name_was_typed(recording: Path, to: str) -> None:
+    loaded = [open_recording(recording)]
+    (written,) = export(loaded, to, None)
+    with refused(StageError, kind=ProblemKind.CONFLICT, file=written.path):  # it may have been edited
+        export(loaded, to, None)
+    export(loaded, to, written.path)
+    written.path.write_text(BY_HAND)
+    with refused(StageError, kind=ProblemKind.CONFLICT, file=written.path):
+        export(loaded, to, written.path)
+    assert written.path.read_text() == BY_HAND
+
+
+def test_a_page_and_an_answer_replace_their_like(recording: Path, command: Command) -> None:
+    page, answer = recording.with_suffix(".html"), recording.with_suffix(".json")
+    for _ in range(2):
+        assert command("report", recording, "--json", answer)[0] == 0
+    for mine in (page, answer):
+        before = mine.read_text()
+        mine.write_text(BY_HAND)
+        code, _, err = command("report", recording, "--json", answer)
+        assert (code, mine.read_text(), str(mine) in err) == (2, BY_HAND, True)
+        mine.write_text(before)
+
+
+def test_models_of_a_stage_have_pages_of_their_own(tmp_path: Path, command: Command) -> None:
+    stage, model = CONFIG / "ball-screw.yaml", tmp_path / "b.py"
+    (tmp_path / "b.html").write_text(BY_HAND)
+    for _ in range(2):
+        assert command("export", stage, "--to", "isaac", "-o", model)[0] == 0
+    assert (tmp_path / "b.html").read_text() == BY_HAND and (tmp_path / "b.isaac.html").is_file()
+    model.write_text(BY_HAND)
+    assert command("export", stage, "--to", "isaac", "-o", model)[0] == 2
+    assert model.read_text() == BY_HAND
+
+
+def test_a_stage_is_saved_over_itself_and_over_no_other(tmp_path: Path) -> None:
+    mine, other = tmp_path / "mine.yaml", tmp_path / "other.yaml"
+    shutil.copy(CONFIG / "ball-screw.yaml", mine)
+    shutil.copy(CONFIG / "emps.yaml", other)
+    changed = sc.load_stage(mine).changed({"mechanics.viscous": 0.15})
+    with refused(StageError, kind=ProblemKind.CONFLICT, file=other):
+        changed.save(other)
+    for _ in range(2):
+        changed.save(tmp_path / "copy.yaml")
+    changed.save(mine)
