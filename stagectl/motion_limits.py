@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-import shlex
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.config.machine_file import load_axis, split
+from stagectl.config.source import node_at
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.feedforward import Foreseen
 from stagectl.kernels.jit import table
 from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import Trajectory, TrajectoryError, peaks
+from stagectl.units import StageError, factor, parse, unit_in
 
 LIMIT_SLACK = 1e-9  # of a limit by which a trajectory may exceed it: rounding of its own peaks
 JUMP_SLACK = 1e-6  # of the largest change of velocity in a period: rounding of a difference of velocities
@@ -23,9 +26,12 @@ JUMP_SLACK = 1e-6  # of the largest change of velocity in a period: rounding of 
 class LimitError(TrajectoryError):
     """A motion that exceeds a limit of its stage; nothing has moved."""
 
-    def __init__(self, problem: Problem, needed: float = math.nan, allowed: float = math.nan) -> None:
-        super().__init__(problem)
-        self.needed, self.allowed = needed, allowed  # in the unit of the problem; of a travel downwards, its length
+    def __init__(self, problem: Problem, needed: float = math.nan, allowed: float = math.nan, *others: Problem) -> None:
+        super().__init__(problem, *others)
+        self.needed, self.allowed = (
+            needed,
+            allowed,
+        )  # of the first problem, in its unit; of a travel downwards, its length
 
 
 def check_duration(duration: float, dt: float, most: int) -> None:
@@ -78,38 +84,64 @@ class _Need(NamedTuple):
     needed: float
     allowed: float
     unit: str
-    direction: str = ""  # of the travel
+    side: int = 0  # of the travel: 1 upwards, -1 downwards
+
+
+_DIRECTIONS = {0: "", 1: " upwards", -1: " downwards"}
 
 
 def check_limits(setup: Setup, trajectory: Trajectory) -> None:
-    """Refuse a motion beyond travel, speed or acceleration.  Raises LimitError."""
+    """Refuse a motion beyond travel, speed or acceleration.  Raises LimitError with all that it exceeds."""
     limits, axis = setup.file.limits, setup.file.axis
     scale, unit = axis.travel_per_unit, axis.travel_unit
     extremes = peaks(trajectory, setup.dt)
     low, high = limits.travel[0] * scale, limits.travel[1] * scale
-    for need in (
-        _Need("travel", extremes.highest, high, unit, " upwards"),
-        _Need("travel", -extremes.lowest, -low, unit, " downwards"),
+    needs = (
+        _Need("travel", extremes.highest, high, unit, 1),
+        _Need("travel", -extremes.lowest, -low, unit, -1),
         _Need("speed", extremes.speed, limits.speed * scale, f"{unit}/s"),
         _Need("acceleration", extremes.acceleration, limits.acceleration * scale, f"{unit}/s^2"),
-    ):
-        if not need.needed <= need.allowed * (1.0 + LIMIT_SLACK):
-            raise LimitError(_beyond(setup, need), need.needed, need.allowed)
+    )
+    if beyond := [need for need in needs if not need.needed <= need.allowed * (1.0 + LIMIT_SLACK)]:
+        first, *others = [_beyond(setup, need) for need in beyond]
+        raise LimitError(first, beyond[0].needed, beyond[0].allowed, *others)
+
+
+class _Written(NamedTuple):
+    """How the stage file states a limit."""
+
+    unit: str
+    scale: float  # of that unit in SI
+    start: float  # rad | m of travel; of the motion, which a service lays out with the travel that is left
+    file: Path | None = None
+    line: int = 0
+
+
+def _written(setup: Setup, need: _Need) -> _Written:
+    key = f"limits.{need.limit}" + {1: "[1]", -1: "[0]"}.get(need.side, "")
+    try:
+        node = node_at(load_axis(setup.path, lambda _, root: root, setup.text or None), key)
+        text = str(node.value)
+        scale, value = factor(unit_in(text), need.unit), parse(text, need.unit)
+    except StageError:  # a stage in memory, or a limit in the unit of the motor
+        return _Written(need.unit, 1.0, 0.0)
+    start = value - need.side * need.allowed if need.side else 0.0
+    return _Written(unit_in(text), scale, start, split(setup.path)[0], node.start_mark.line + 1)
 
 
 def _beyond(setup: Setup, need: _Need) -> Problem:
-    unit = f"{need.unit}{need.direction}"
-    reason, value = f"the trajectory needs {need.needed:.6g} {unit}", f"{need.allowed:.6g} {unit}"
-    change = "make the motion shorter" if need.direction else "make the motion slower"
-    if need.direction and need.allowed < 0.0:
-        ends = ", ".join(f"{end * setup.file.axis.travel_per_unit:g}" for end in setup.file.limits.travel)
-        reason, value = f"the motion begins {-need.allowed:.6g} {need.unit} outside", f"[{ends}] {need.unit}"
-        change = "begin within the travel"
-    remedy = (
-        f"{change}, or raise the limit in {setup.path} and try it: "
-        f"stagectl simulate {shlex.quote(str(setup.path))} TRAJECTORY"
-    )
-    return _unmoved(Problem(reason, ProblemKind.LIMIT, f"limits.{need.limit}", value, need.unit), remedy)
+    unit, scale, start, file, line = _written(setup, need)
+
+    def shown(value: float) -> str:
+        return f"{(value + need.side * start) / scale:.6g} {unit}" + _DIRECTIONS[need.side]
+
+    begins = f" from {start / scale:.6g} {unit}" if abs(start) > LIMIT_SLACK else ""
+    reason, value = f"the trajectory{begins} needs {shown(need.needed)}", shown(need.allowed)
+    change = "make the motion shorter" if need.side else "make the motion slower"
+    if need.side and need.allowed < 0.0:
+        reason, change = f"the motion begins {-need.allowed / scale:.6g} {unit} outside", "begin within the travel"
+    problem = Problem(reason, ProblemKind.LIMIT, f"limits.{need.limit}", value, need.unit, file=file, line=line)
+    return _unmoved(problem, f"{change}, or raise the limit")
 
 
 def check_jumps(setup: Setup, seen: Foreseen) -> None:

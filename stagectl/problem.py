@@ -108,6 +108,7 @@ class Problem(NamedTuple):
     remedy: str = ""  # what to do next
     file: Path | None = None
     line: int = 0  # from 1; 0 where it is not known
+    admissible: str = ""  # the interval in the unit that was typed, where that is another
 
     def __str__(self) -> str:
         return "; ".join(filter(None, (self._beginning(), *self._demands()))) + self._end()
@@ -120,7 +121,8 @@ class Problem(NamedTuple):
 
     def _demands(self) -> tuple[str, str]:
         """What is admissible."""
-        interval = f"must lie in {self.interval} {self.unit}".rstrip() if self.interval else ""
+        lies = self.admissible or f"{self.interval} {self.unit}".rstrip()
+        interval = f"must lie in {lies}" if self.interval else ""
         return interval, f"must be one of {', '.join(self.choices)}" if self.choices else ""
 
     def _end(self) -> str:

@@ -66,9 +66,9 @@ class Quantity(NamedTuple):
         below = value < high if self.interval[-1] == ")" else value <= high
         return above and below
 
-    def interval_in(self, unit: str) -> str:
-        """The interval with its ends in `unit`: ``[0, 1.5]`` rad is ``[0, 85.9] deg``."""
-        low, high = (f"{end / factor(unit, self.unit):.3g}" for end in self.bounds())
+    def interval_in(self, unit: str, scale: float = 0.0) -> str:
+        """The interval in `unit`, whose `scale` a lead may decide: ``[0, 1.5]`` rad is ``[0, 85.9] deg``."""
+        low, high = (f"{end / (scale or factor(unit, self.unit)):.3g}" for end in self.bounds())
         return f"{self.interval[0]}{low}, {high}{self.interval[-1]} {unit}".rstrip()
 
     def bounds(self) -> tuple[float, float]:

@@ -6,6 +6,7 @@ that was found and what is admissible.  All problems of a file are reported toge
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +19,7 @@ from stagectl.config.hints import extras_of, fields_of, is_union, meaning_of, pl
 from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, compose, entry_of
 from stagectl.problem import Problem, ProblemKind, below, nearest
-from stagectl.units import StageError, Tagged, quantity_of
+from stagectl.units import Quantity, StageError, Tagged, quantity_of, unit_in
 
 _OBJECT = re.compile(r"[0-9A-Fa-f]{4}_[0-9A-Fa-f]{1,2}")  # of a drive's dictionary, without its 0x
 _POWER = re.compile(r"(2|10)(?:\^|\*\*)([0-9]{1,2})")
@@ -145,6 +146,7 @@ class Reader:
         quantity = quantity_of(hint)
         unit, interval = self.lengths.unit_of(quantity), quantity.interval if quantity else ""
         out_of_range = Problem("", ProblemKind.RANGE, name, _shown(node.value), unit, interval)
+        out_of_range = out_of_range._replace(admissible=self._admissible(quantity, node.value))
         try:
             value = self._convert(plain(hint), unit, node.value)
         except StageError as error:
@@ -155,6 +157,17 @@ class Reader:
         if quantity is not None and not quantity.admits(value):
             self.refuse(node, out_of_range)
         return value
+
+    def _admissible(self, quantity: Quantity | None, text: str) -> str:
+        """The interval in the unit that was typed, or in that of the table where none was; empty: in SI."""
+        unit = self.lengths.unit_of(quantity)
+        of_table = unit.replace("rad", "mm") if self.lengths.angle_per_length(unit) else unit
+        typed = unit_in(text) or of_table
+        if quantity is None or typed == unit:
+            return ""
+        with contextlib.suppress(StageError):  # a unit of something else
+            return quantity.interval_in(typed, self.lengths.number(f"1 {typed}", unit))
+        return ""
 
     def _convert(self, kind: Any, unit: str, text: str) -> Any:
         if kind is bool:

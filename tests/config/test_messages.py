@@ -268,8 +268,8 @@ TYPES = ("sine", "trapezoid", "s_curve", "dwell", "multisine", "csv", "sequence"
          "current_multisine", "current_sweep", "excited", "release")  # fmt: skip
 DWELL = "  - {type: dwell, duration: 1 s}\n"
 MOTIONS: list[tuple[str, dict[str, Any]]] = [
-    (SINE.format("60 mm", "0.2 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.travel", "value": "0.05 m upwards"}),
-    (SINE.format("40 mm", "3 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.speed", "value": "0.3 m/s"}),
+    (SINE.format("60 mm", "0.2 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.travel", "value": "50 mm upwards"}),
+    (SINE.format("40 mm", "3 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.speed", "value": "300 mm/s"}),
     (SINE.format("1 mm", "15 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.acceleration", "value": "5 m/s^2"}),
     (SINE.format("1 mm", "1 Hz", 9000), {"kind": Kind.LIMIT, "key": "duration", "value": "9002 s"}),
     ("type: sin\n", {"kind": Kind.VALUE, "key": "type", "value": "sin", "choices": TYPES, "line": 1}),
@@ -293,3 +293,19 @@ def test_typical_mistakes_of_a_trajectory(
     Path("motion.yaml").write_text(text)
     with refused(StageError, **fields):
         prepare(ball_screw, Path("motion.yaml"), frozenset(), None)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "admissible"),
+    [
+        ("following_error: 0.2 mm", "following_error: -1 mm", "(0, 1.91e+06] mm"),
+        ("[-50 mm, 50 mm]", "[-50 mm, 50]", "[-1.91e+06, 1.91e+06] mm"),
+        ("[-50 mm, 50 mm]", "[-50 mm, 50 A]", ""),
+    ],
+)
+def test_an_interval_is_in_the_unit_that_was_typed(tmp_path: Path, old: str, new: str, admissible: str) -> None:
+    text = (CONFIG / "ball-screw.yaml").read_text()
+    assert text.count(old) == 1
+    (tmp_path / "stage.yaml").write_text(text.replace(old, new))
+    with refused(ConfigError, admissible=admissible, unit="rad"):
+        load_stage(tmp_path / "stage.yaml")
