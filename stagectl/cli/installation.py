@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, without_compiler
+
+if TYPE_CHECKING:
+    from stagectl.service.install import Step
 
 Stages = Annotated[
     list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
@@ -70,7 +73,7 @@ def install(
 
 @service.command("remove")
 def remove(root: Root = Path("/"), json: Json = None) -> None:
-    """Stop the service and remove what install wrote; recordings and black boxes stay.
+    """Stop the service and remove what install wrote; recordings, black boxes and their user stay.
 
     Example: sudo stagectl service remove
     """
@@ -79,7 +82,10 @@ def remove(root: Root = Path("/"), json: Json = None) -> None:
     _tell(take_away(root), json)
 
 
-def _tell(done: list[str], json: str | None) -> None:
-    for line in done:
-        console.print(line)
-    emit({"done": done}, json)
+def _tell(done: list[Step], json: str | None) -> None:
+    for step in done:
+        console.print(step.words)
+    good = all(step.good for step in done)
+    if not good:
+        console.print("not all of it was done: see the lines above")
+    emit({"done": [step.words for step in done], "failed": [step.words for step in done if not step.good]}, json, good)

@@ -31,6 +31,13 @@ class InstallError(StageError):
     """A file could not be installed or removed."""
 
 
+class Step(NamedTuple):
+    """What was done, in words, and whether it succeeded."""
+
+    words: str
+    good: bool = True
+
+
 class Installation(NamedTuple):
     """The machine that the service runs, and how."""
 
@@ -103,8 +110,8 @@ def _reachable(host: str) -> str:
     return "" if not host else "localhost" if host in ("127.0.0.1", "localhost", "[::1]") else "any"
 
 
-def install(installation: Installation, root: Path, start: bool) -> list[str]:
-    """Write all files below `root` and activate them; what was done, in words.
+def install(installation: Installation, root: Path, start: bool) -> list[Step]:
+    """Write all files below `root` and activate them.
 
     Raises InstallError where that is not permitted.
     """
@@ -118,16 +125,16 @@ def install(installation: Installation, root: Path, start: bool) -> list[str]:
             raise InstallError(
                 f"{path}: {error.strerror}; run this as root: sudo stagectl service install ..."
             ) from error
-        done.append(f"wrote {path}")
+        done.append(Step(f"wrote {path}"))
     return done + _run(_known(_socketcan(installation), start), root)
 
 
-def remove(root: Path) -> list[str]:
-    """Stop the service and remove what `install` wrote; recordings and black boxes stay.
+def remove(root: Path) -> list[Step]:
+    """Stop the service and remove what `install` wrote; recordings, black boxes and their user stay.
 
     Raises InstallError where that is not permitted.
     """
-    done = _run([["systemctl", "disable", "--now", UNIT]], root)
+    done = _run([["systemctl", "disable", "--now", UNIT]] if (root / PLACES[UNIT]).exists() else [], root)
     for place in PLACES.values():
         path = root / place
         try:
@@ -136,7 +143,7 @@ def remove(root: Path) -> list[str]:
             continue
         except OSError as error:
             raise InstallError(f"{path}: {error.strerror}; run this as root: sudo stagectl service remove") from error
-        done.append(f"removed {path}")
+        done.append(Step(f"removed {path}"))
     return done + _run([["systemctl", "daemon-reload"], ["udevadm", "control", "--reload"]], root)
 
 
@@ -153,18 +160,19 @@ def _known(wire: Canopen | None, start: bool) -> list[list[str]]:
     return [*commands, ["systemctl", "enable", *(["--now"] if start else []), UNIT]]
 
 
-def _run(commands: list[list[str]], root: Path) -> list[str]:
+def _run(commands: list[list[str]], root: Path) -> list[Step]:
     """Run `commands` where `root` is the root of this machine."""
     if root != Path("/"):
-        return [f"not run, {root} is not the root of this machine: {' '.join(command)}" for command in commands]
+        return [Step(f"not run, {root} is not the root of this machine: {' '.join(command)}") for command in commands]
     report = []
     for command in commands:
         line = " ".join(command)
         if shutil.which(command[0]) is None:
-            report.append(f"not run, {command[0]} is not installed: {line}")
+            report.append(Step(f"not run, {command[0]} is not installed: {line}", good=False))
             continue
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
-        report.append(line if ended.returncode == 0 else f"failed: {line}: {ended.stderr.strip()}")
+        failed = f"failed: {line}: {ended.stderr.strip()}"
+        report.append(Step(failed, good=False) if ended.returncode else Step(line))
     return report
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import socket
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from stagectl.config.stage_file import Setup
+from stagectl.service import install as installer
 from stagectl.service.install import PLACES, Installation, contents, install, remove
 from stagectl.service.single_instance import notify
 from tests.conftest import CONFIG, Command
@@ -69,7 +72,7 @@ def test_what_was_installed_is_removed_and_nothing_else(on_can: Setup, tmp_path:
     own.parent.mkdir(parents=True)
     own.write_text("[Match]\n")
     files = install(wanted(on_can, tcp=("127.0.0.1", 8402)), tmp_path, True)
-    assert any("systemctl enable --now stagectl.service" in line for line in files)  # said, not run: another root
+    assert any("systemctl enable --now stagectl.service" in step.words for step in files)  # said, not run: another root
     assert all((tmp_path / place).is_file() for place in PLACES.values())
     remove(tmp_path)
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == [own]
@@ -85,6 +88,29 @@ def test_the_verbs(tmp_path: Path, command: Command) -> None:
         assert code == 2 and wrong in err
     assert command("service", "remove", "--root", tmp_path)[0] == 0
     assert not (tmp_path / PLACES["stagectl.service"]).exists()
+
+
+@pytest.mark.parametrize("verb", ["install", "remove"])
+@pytest.mark.parametrize(("code", "ends"), [(0, 0), (1, 1), (None, 1)])
+def test_a_step_that_fails_is_the_end(
+    tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch, verb: str, code: int | None, ends: int
+) -> None:
+    """On the root of this machine; here that is a folder of the test, and no command of it is run."""
+    tried: list[str] = []
+
+    def run(words: list[str], **_: object) -> SimpleNamespace:
+        tried.append(words[0])
+        return SimpleNamespace(returncode=code, stderr="refused")
+
+    files = {name: f"{tmp_path}/{place}" for name, place in PLACES.items()}  # absolute: the root in front is dropped
+    monkeypatch.setattr(installer, "PLACES", files)
+    monkeypatch.setattr(shutil, "which", lambda _: None if code is None else "/bin/true")
+    monkeypatch.setattr(subprocess, "run", run)
+    stage = [STAGE, "--no-start"] if verb == "install" else []
+    done, out, _ = command("service", verb, *stage, "--json", "-")
+    assert done == ends
+    assert bool(json.loads(out)["failed"]) is (ends == 1)
+    assert bool(tried) is (code is not None)
 
 
 def test_systemd_is_told_on_its_socket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
