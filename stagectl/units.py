@@ -12,6 +12,7 @@ rotary and a linear axis differ, the unit names both, rotary first.  The angle i
 from __future__ import annotations
 
 import contextlib
+import difflib
 import functools
 import math
 import re
@@ -20,7 +21,7 @@ from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
-from stagectl.problem import Problem, ProblemKind, nearest
+from stagectl.problem import Problem, ProblemKind
 
 ROTARY, LINEAR = "rotary", "linear"
 
@@ -129,6 +130,7 @@ _VALUE = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?
 _POWER = r"[A-Za-zµμ°Ω%‰]+(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1(?= ?/)|{_POWER})(?:(?: ?[*·/] ?| ){_POWER}){{0,8}}")
 _FACTOR = re.compile(r"(/ ?)?([A-Za-zµμ°Ω%‰]+)(?:(?:\^|\*\*)(-?[1-9]))?")
+_LIKELY = 8  # known names that a mistyped one is compared with
 _LONGEST = 80  # characters of a value; no expression may keep the parsers busy
 
 
@@ -216,13 +218,31 @@ def _unknown(unit: str, name: str, to: str) -> str:
     """What to say of a `unit` in which `name` is unknown: ``Nm`` is two units, ``sec`` is like one."""
     known = {f"{prefix}{stem}" for stem in _NAMED for prefix in ("", *_PREFIXES) if len(prefix) < 2}
     parts = [f"{name[:at]} {name[at:]}" for at in range(1, len(name)) if {name[:at], name[at:]} <= known]
-    lower = {word.lower(): word for word in sorted(known)}
-    near = "".join(parts[:1]) or lower.get(nearest(name.lower(), list(lower)), "")
+    likely = parts[:1] or difflib.get_close_matches(_singular(name.lower()), {word.lower() for word in known}, _LIKELY)
+    spelt = sorted((word for word in known if word.lower() in likely), key=lambda word: _distance(word, name, likely))
     within = "" if name == unit else f", {name!r} in it"
-    with contextlib.suppress(UnitError):
-        factor(near or "?", to if name == unit else near)  # what stands alone must measure `to`
-        within += f", perhaps {near}"
-    return f"unknown unit {unit!r}{within}"
+    for near in parts[:1] or spelt:
+        if _measures(meant := unit.replace(name, near), to):
+            return f"unknown unit {unit!r}{within}, perhaps {meant}"
+    return f"unknown unit {unit!r}{within}{'' if to else ': a plain number belongs here'}"
+
+
+def _singular(name: str) -> str:
+    return name.removesuffix("s") if len(name) > 3 else name
+
+
+def _measures(unit: str, to: str) -> bool:
+    with contextlib.suppress(UnitError, _UnknownUnitError):
+        ratio = Counter(_powers(unit))
+        ratio.subtract(_powers(to))
+        return not any(_expanded(ratio)[1].values())
+    return False
+
+
+def _distance(word: str, name: str, likely: list[str]) -> tuple[int, bool, bool]:
+    """How a known word sorts beside the `name` that was typed: by likeness; MM is mm, MBit is Mbit."""
+    shouted = name.isupper() and len(name) == 2
+    return likely.index(word.lower()), shouted and word != word.lower(), word[0] != name[0]
 
 
 def _stranger(text: str) -> str:
@@ -272,18 +292,3 @@ def parse(text: str, to: str) -> float:
     if math.isinf(value):
         raise UnitError(Problem("too large for a number", ProblemKind.VALUE))
     return value
-
-
-def pairs(option: str, text: str, form: str, example: str) -> dict[str, str]:
-    """The entries of ``a=1,b=2``, the text of an `option` whose entries are of this `form`, such as ``NAME=VALUE``.
-
-    Raises StageError where an entry is of another form, or written twice.
-    """
-    found: dict[str, str] = {}
-    for entry in text.split(","):
-        name, _, value = (part.strip() for part in entry.partition("="))
-        if not name or not value or name in found:
-            reason = f"{option} {text}: {entry!r} must be {form}, each name once, such as {example}"
-            raise StageError(Problem(reason, ProblemKind.SYNTAX))
-        found[name] = value
-    return found

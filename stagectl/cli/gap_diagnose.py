@@ -11,8 +11,9 @@ from stagectl.cli.identification import Columns
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, single_threaded_algebra, typed, typed_files
 from stagectl.extras import require
+from stagectl.named_values import pairs
 from stagectl.problem import Problem, ProblemKind
-from stagectl.units import StageError, pairs
+from stagectl.units import StageError
 
 _EXAMPLE = "kind=rotary,force_constant=0.05,inertia=1e-4"
 

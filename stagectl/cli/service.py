@@ -13,9 +13,10 @@ from stagectl.cli.addresses import foxglove_address, tcp_port
 from stagectl.cli.motion import Channel, Json, Lines
 from stagectl.cli.show import console, emit, message_event, stream, without_compiler
 from stagectl.extras import require
+from stagectl.named_values import pairs
 from stagectl.problem import Problem, ProblemKind
 from stagectl.service import shutdown_signals
-from stagectl.units import StageError, pairs
+from stagectl.units import StageError
 
 Socket = Annotated[
     Path | None,
@@ -84,7 +85,8 @@ def page(socket: Socket = None, json: Json = None) -> None:
     Example: stagectl page
     """
     result = ask_service(socket, "POST", "/v1/page")
-    console.print(result["address"])
+    if json != "-":
+        print(result["address"])
     emit(result, json)
 
 

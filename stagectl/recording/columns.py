@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.named_values import pairs
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import Scales
-from stagectl.units import LINEAR, ROTARY, StageError, factor, pairs
+from stagectl.units import LINEAR, ROTARY, StageError, factor
 
 Array = NDArray[np.float64]
 
