@@ -152,6 +152,10 @@ def _syntax_error(path: Path, text: str, error: yaml.YAMLError) -> ConfigError:
     mark = getattr(error, "problem_mark", None)
     reason = getattr(error, "problem", None) or "not YAML"
     advice = "check indentation, quotes and colons around this line"
+    if mark is not None and reason.startswith("expected <block end>"):
+        above = next((line for line in reversed(text.splitlines()[: mark.line]) if line.strip()), "")
+        indent = len(above) - len(above.lstrip())
+        reason, advice = f"indented by {mark.column}, the line above it by {indent}", "align what belongs together"
     if "'\\t'" in reason:
         reason, advice = "a tab", "YAML indents with spaces: replace each tab by two"
     return malformed(path, f"{reason}; {advice}", mark.line + 1 if mark is not None else 1)

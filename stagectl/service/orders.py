@@ -211,4 +211,5 @@ def value_of(text: str, unit: str) -> float:
     try:
         return parse(text, unit)
     except UnitError as error:
-        raise ServiceError(f"{text}: {error}; it must be a number with a unit such as {unit}") from error
+        example = f"5 {unit.replace('rad', 'deg') if 'rad' in unit else f'm{unit}'}"
+        raise ServiceError(f"{text}: {error}; it must be a number with its unit, such as {example}") from error

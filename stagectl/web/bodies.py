@@ -26,6 +26,8 @@ class Strict(BaseModel):
 _WORDS = {
     "extra_forbidden": "is not known here; GET /openapi.json says what is",
     "json_invalid": "the body is not JSON from this character on",
+    "dict_type": 'must be an object, such as {"x": "5 mm"}',
+    "string_type": 'must be text, a quantity with its unit, such as "5 mm"',
     "model_attributes_type": "must be a JSON object, such as {...}",
     "missing": "is missing",
 }

@@ -198,9 +198,11 @@ async def _not_allowed(request: Request, _: Exception) -> Response:
     return JSONResponse({"error": f"{request.method} {request.url.path}: only {methods}"}, 405, {"Allow": methods})
 
 
-async def _malformed(_: Request, error: Exception) -> Response:
+async def _malformed(request: Request, error: Exception) -> Response:
     details: list[dict[str, Any]] = getattr(error, "errors", list)()
-    return JSONResponse({"error": wrong(details) or str(error)}, 422)
+    unread = request.headers.get("content-length", "0") != "0" and "json" not in request.headers.get("content-type", "")
+    words = "the body is not read as JSON: send the header Content-Type: application/json" if unread else wrong(details)
+    return JSONResponse({"error": words or str(error)}, 422)
 
 
 async def _absent(request: Request, _: Exception) -> Response:

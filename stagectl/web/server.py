@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import os
 import resource
 import socket
@@ -161,10 +162,17 @@ def _port(tcp: Tcp) -> socket.socket:
     except OSError as error:
         if tcp.any_port:
             return socket.create_server((tcp.host, 0))
-        raise ServiceError(
-            f"--tcp {tcp.host}:{tcp.port}: {error.strerror}; choose another port, or see which program uses it: "
-            f"`ss -ltnp 'sport = {tcp.port}'`"
-        ) from error
+        raise ServiceError(f"--tcp {tcp.host}:{tcp.port}: {_why_not(tcp, error)}") from error
+
+
+def _why_not(tcp: Tcp, error: OSError) -> str:
+    """Why nobody can listen there, and what to do."""
+    if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+        return f"{tcp.host} is no address of this computer: see `ip -brief address`"
+    if error.errno == errno.EACCES:
+        return f"{error.strerror}; choose a port from 1024 on"
+    words = f"{error.strerror}; choose another port, or see which program uses it"
+    return f"{words}: `ss -ltnp 'sport = {tcp.port}'`"
 
 
 def _plots(say: Callable[[str], None]) -> None:

@@ -149,6 +149,13 @@ MISTAKES = {
         value="6071_00",
         remedy="an object is hexadecimal, write 0x6071_00",
     ),
+    "indentation": Mistake(
+        "  lead: 12 mm",
+        " lead: 12 mm",
+        "lead:",
+        kind=Kind.SYNTAX,
+        reason="indented by 1, the line above it by 2; align what belongs together",
+    ),
     "decimal comma": Mistake(
         "lead: 12 mm",
         "lead: 12,5 mm",
@@ -202,7 +209,6 @@ MISTAKES = {
         key="drive.wire.heartbeat_timeout",
         value="0.01 s",
     ),
-    "indentation": Mistake("  lead: 12 mm", " lead: 12 mm", "lead:", kind=Kind.SYNTAX),
     "tab": Mistake("  lead: 12 mm", "\tlead: 12 mm", "lead:", kind=Kind.SYNTAX),
 }
 

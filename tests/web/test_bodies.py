@@ -69,6 +69,20 @@ def test_a_download_is_named_after_its_machine_and_axis(service: Service) -> Non
     assert answer.headers["content-disposition"] == named
 
 
+@pytest.mark.parametrize(
+    ("body", "kind", "error"),
+    [
+        (b'{"to": 5}', "application/json", 'body.to: must be an object, such as {"x": "5 mm"}'),
+        (b'{"to": {"axis": 5}}', "application/json", "body.to.axis: must be text, a quantity with its unit"),
+        (b'{"to": {"axis": "5 mm"}}', "application/x-www-form-urlencoded", "send the header Content-Type"),
+    ],
+)
+def test_a_body_of_another_kind_says_what_it_must_be(service: Service, body: bytes, kind: str, error: str) -> None:
+    headers = {"content_type": kind, "content_length": str(len(body))}
+    answer = answered(application(service), "POST", "/v1/move", body, **headers)
+    assert answer.status == 422 and error in answer.error
+
+
 def test_an_entry_is_named_in_words() -> None:
     details = [{"loc": ("body", "position"), "type": "extra_forbidden", "msg": "Extra inputs are not permitted"}]
     assert wrong(details) == "body.position: is not known here; GET /openapi.json says what is"

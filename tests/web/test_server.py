@@ -26,6 +26,11 @@ class Ending:
             raise self.why
 
 
+def test_an_address_of_another_computer_is_no_port_that_is_taken(tmp_path: Path) -> None:
+    with pytest.raises(ServiceError, match=r"203.0.113.7 is no address of this computer: see `ip -brief address`"):
+        server._port(server.Tcp("203.0.113.7", 8402, tmp_path / "token", False))
+
+
 @pytest.mark.parametrize(("why", "token"), [(OSError("no more files"), "no more files"), (None, "ended by itself")])
 def test_a_server_that_ends_does_not_end_the_service_in_silence(
     tmp_path: Path, why: Exception | None, token: str
