@@ -55,7 +55,8 @@ def quantity(name: str, value: float | str | None, declared: Quantity, example: 
         raise ArgumentError(name, value, f": {error}; write {example}") from error
     if not declared.admits(number):
         unit = unit_in(value) if isinstance(value, str) else declared.unit
-        raise ArgumentError(name, value, f"; must lie in {declared.interval_in(unit)}")
+        degrees = f"; in degrees write '{value} deg'" if declared.unit == "rad" and not isinstance(value, str) else ""
+        raise ArgumentError(name, value, f"; must lie in {declared.interval_in(unit)}{degrees}")
     return number
 
 

@@ -53,7 +53,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         _known(function.__name__, signature, kwargs)
         with contextlib.suppress(TypeError):  # too few or too many: Python says so itself
             for name, value in signature.bind(*args, **kwargs).arguments.items():
-                _suits(name, value, hints.get(name, Any), signature.parameters[name].kind)
+                _suits(name, value, hints, signature.parameters[name].kind)
         return function(*args, **kwargs)
 
     return called
@@ -69,15 +69,24 @@ def _known(function: str, signature: inspect.Signature, given: Mapping[str, Any]
             raise ArgumentError(name, "", f"is no argument of {function}: {hint}")
 
 
-def _suits(name: str, value: Any, hint: Any, kind: Any) -> None:
+def _suits(name: str, value: Any, hints: Mapping[str, Any], kind: Any) -> None:
+    hint = hints.get(name, Any)
     several = kind is inspect.Parameter.VAR_POSITIONAL
     alone = ", each by itself" if several else ""
     for one in value if several else [value]:
         if kind is not inspect.Parameter.VAR_KEYWORD and not fits(one, hint):
-            raise ArgumentError(name, _shown(one), f"; must be {' or '.join(words(hint))}{alone}")
+            raise ArgumentError(
+                name, _shown(one), f"; must be {' or '.join(words(hint))}{alone}{_exchanged(one, hints)}"
+            )
         declared = quantity_of(hint)
         if declared and not declared.admits(one):
             raise ArgumentError(name, one, f"; must lie in {declared.interval} {declared.unit}".rstrip())
+
+
+def _exchanged(value: Any, hints: Mapping[str, Any]) -> str:
+    """What to do with one of our own results in the place of another argument."""
+    ours = hasattr(type(value), "made_by")
+    return next((f": give it as `{name}`" for name, hint in hints.items() if ours and fits(value, hint)), "")
 
 
 def fits(value: Any, hint: Any) -> bool:

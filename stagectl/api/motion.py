@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stagectl.api.arguments import PathLike, ProgressOption, Say, reported, switched_off
+from stagectl.api.arguments import ArgumentError, PathLike, ProgressOption, Say, reported, switched_off
 from stagectl.api.checked import checked
 from stagectl.api.record import MotionRecord
 from stagectl.api.stage import StageLike, as_stage
@@ -42,6 +43,8 @@ def simulate(
 
     Raises StageError where the motion is beyond a limit, or the plant is another kind of axis.
     """
+    if friction is not None:
+        _takes_three(friction)
     designed = as_stage(stage)
     motion = _laid_out(designed.setup, trajectory, switched_off(without, designed.compensator), None, learned)
     machine = None if plant is None else as_stage(plant).setup
@@ -49,6 +52,15 @@ def simulate(
         machine = workflow.reseeded(machine or designed.setup, seed)
     recording = simulated_motion.simulated(motion, machine, friction=friction)
     return MotionRecord(recording, simulated_motion.simulated_result(motion, recording))
+
+
+def _takes_three(friction: FrictionLaw) -> None:
+    try:
+        inspect.signature(friction).bind(0.0, 0.0, 0.0)
+    except TypeError as error:
+        raise ArgumentError("friction", "", "must take (velocity, position, dt)") from error
+    except ValueError:  # a function of C does not tell
+        pass
 
 
 @checked

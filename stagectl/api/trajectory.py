@@ -142,7 +142,7 @@ def _sampled(time: ArrayLike, position: ArrayLike) -> tuple[str, Recorded]:
     try:
         columns = [np.asarray(values, dtype=np.float64) for values in (time, position)]
     except (TypeError, ValueError) as error:
-        raise ArgumentError("source", "", f"holds what is no number: {error}; must be (time, position)") from error
+        raise ArgumentError("source", "", "holds what is no number; must be numbers: (time, position) in SI") from error
     if columns[0].shape != columns[1].shape or columns[0].ndim != 1:
         shapes = " and ".join(str(column.shape) for column in columns)
         raise ArgumentError("source", f"of shapes {shapes}", "; time and position must both be (n,)")

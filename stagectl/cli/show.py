@@ -185,7 +185,7 @@ def summary(result: dict[str, Any]) -> str:
         lines.append(f"the current against the model's effects was limited to its share in {limited} cycles")
     if result["saturated_cycles"]:
         lines.append(f"the current limit was reached in {result['saturated_cycles']} cycles")
-    if not result["in_position"]:
+    if not result["in_position"] and not result.get("lost_rows"):  # with its last rows lost, nobody knows
         lines.append("the axis did not settle in position")
     return "\n".join(lines)
 

@@ -49,6 +49,8 @@ def prepared(
     What looks wrong is refused, or, with `doubtful`, noted.  Raises IdentificationError with file, reason and remedy
     where no capture remains, it is of another kind of axis, or a column is missing.
     """
+    if not recordings:
+        raise IdentificationError("no capture was given: record one, or give a log", Refusal.NO_CAPTURE)
     used = [recording for recording in recordings if not held_out(recording)]
     if not used:
         raise IdentificationError(

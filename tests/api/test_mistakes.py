@@ -38,6 +38,14 @@ MISTAKES = {
     "columns": (lambda s: sc_.load_log("x.csv", {"time": 0}), "must be a dict of text or text"),
     "none": (lambda s: s.changed({"mechanics.inertia": None}), "mechanics.inertia = None; must be a single value"),
     "array": (lambda s: s.changed({"mechanics.inertia": np.ones(2)}), "must be a single value"),
+    "exchanged": (lambda s: sc_.simulate(SINE, s), "(time, position): give it as `stage`"),
+    "two arguments": (
+        lambda s: sc_.simulate(s, SINE, friction=lambda v: 0.0),
+        "friction must take (velocity",
+    ),
+    "units in numbers": (lambda s: sc_.load_trajectory(("5 mm", "1 Hz")), "must be numbers: (time, position) in SI"),
+    "degrees": (lambda s: sc_.tune(s, margin=30), "in degrees write '30 deg'"),
+    "no capture": (lambda s: sc_.identify(s, []), "no capture was given"),
     "ending": (lambda s: s.save("x.txt"), "path x.txt; must end in .yaml"),
     "step": (lambda s: sc_.load_trajectory(SINE, s).to_arrays(0), "dt 0; must lie in (0, inf) s"),
 }

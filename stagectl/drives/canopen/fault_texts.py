@@ -110,7 +110,7 @@ FAULTS = {
     Fault.FEEDBACK_LOST: Deviation(
         "no answer to SYNC within the time-out",
         "Probable causes: drive without power, cable or termination, another node with the same id, or a bus that is"
-        " too busy. Check the wiring, then start the run again",
+        " too busy. Check the wiring",
     ),
     Fault.DRIVE_FAULT: Deviation(
         "the drive left Operation enabled",
@@ -123,8 +123,7 @@ FAULTS = {
     ),
     Fault.BUS: Deviation(
         "the bus failed",
-        "Probable causes: interface down or bus off. See 'ip -details link', bring it up again, then start the run"
-        " again",
+        "Probable causes: interface down or bus off. See 'ip -details link', and bring it up again",
     ),
     Fault.REBOOTED: Deviation(
         "the drive booted in mid operation",
@@ -138,10 +137,9 @@ _HINTS = {
         "Probable causes: the drive still initialises, or has no logic supply. Wait, then read its display"
     ),
     DriveState.SWITCH_ON_DISABLED: (
-        "Probable causes: no DC link voltage, STO open, or the enable input missing. Close STO,"
-        " then start the run again"
+        "Probable causes: no DC link voltage, STO open, or the enable input missing. Close STO"
     ),
-    DriveState.READY: "Probable cause: no DC link voltage. Switch the power supply on, then start the run again",
+    DriveState.READY: "Probable cause: no DC link voltage. Switch the power supply on",
     DriveState.SWITCHED_ON: (
         "Probable causes: the enable input is missing or the brake or encoder is not ready. See the drive's display"
     ),

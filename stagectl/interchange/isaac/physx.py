@@ -29,7 +29,7 @@ SIMULATOR = f"Isaac Lab {configuration.VERSION}, by PhysX' rule of joint frictio
 NOTES = (
     f"Checked against the field names of {configuration.CLASS} that Isaac Lab {configuration.VERSION} publishes.",
     "Isaac Sim did not run: the motions are those of the rule that PhysX documents.",
-    "Isaac Lab 2.3 calls `actuator_effort_limit` `effort_limit`.",
+    "In Isaac Lab 2.3 the name of actuator_effort_limit is effort_limit.",
 )
 
 

@@ -58,7 +58,8 @@ def accept(setup: Setup, person: Signatory, say: Say, current: float | None = No
     name = " ".join(person.name.split())
     if not name or len(name) > LONGEST_NAME or not name.isprintable():
         raise StageError(
-            f"--person {person.name!r}; must be a name with 1 to {LONGEST_NAME} characters: the page is signed"
+            f"--person {person.name!r}; must be a name with 1 to {LONGEST_NAME} characters, as in "
+            '--person "A. Turing": the page is signed'
         )
     wire = canopen(setup)
     bench = Workbench.of(setup, current)
