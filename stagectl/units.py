@@ -216,19 +216,15 @@ def _split(name: str) -> tuple[str, str]:
 
 def _unknown(unit: str, name: str, to: str) -> str:
     """What to say of a `unit` in which `name` is unknown: ``Nm`` is two units, ``sec`` is like one."""
-    known = {f"{prefix}{stem}" for stem in _NAMED for prefix in ("", *_PREFIXES) if len(prefix) < 2}
-    parts = [f"{name[:at]} {name[at:]}" for at in range(1, len(name)) if {name[:at], name[at:]} <= known]
-    likely = parts[:1] or difflib.get_close_matches(_singular(name.lower()), {word.lower() for word in known}, _LIKELY)
+    known = dict.fromkeys(f"{prefix}{stem}" for stem in _NAMED for prefix in ("", *_PREFIXES) if len(prefix) < 2)
+    parts = [f"{name[:at]} {name[at:]}" for at in range(1, len(name)) if {name[:at], name[at:]} <= known.keys()]
+    lower = dict.fromkeys(word.lower() for word in known)
+    likely = difflib.get_close_matches(name.lower().removesuffix("s"), lower, _LIKELY)
     spelt = sorted((word for word in known if word.lower() in likely), key=lambda word: _distance(word, name, likely))
     within = "" if name == unit else f", {name!r} in it"
-    for near in parts[:1] or spelt:
-        if _measures(meant := unit.replace(name, near), to):
-            return f"unknown unit {unit!r}{within}, perhaps {meant}"
-    return f"unknown unit {unit!r}{within}{'' if to else ': a plain number belongs here'}"
-
-
-def _singular(name: str) -> str:
-    return name.removesuffix("s") if len(name) > 3 else name
+    meant = (unit.replace(name, near) for near in parts[:1] or spelt)
+    near = next((f", perhaps {whole}" for whole in meant if _measures(whole, to)), "")
+    return f"unknown unit {unit!r}{within}{near or ('' if to else ': a plain number belongs here')}"
 
 
 def _measures(unit: str, to: str) -> bool:
@@ -241,8 +237,7 @@ def _measures(unit: str, to: str) -> bool:
 
 def _distance(word: str, name: str, likely: list[str]) -> tuple[int, bool, bool]:
     """How a known word sorts beside the `name` that was typed: by likeness; MM is mm, MBit is Mbit."""
-    shouted = name.isupper() and len(name) == 2
-    return likely.index(word.lower()), shouted and word != word.lower(), word[0] != name[0]
+    return likely.index(word.lower()), len(name) == 2 and name.isupper() and not word.islower(), word[0] != name[0]
 
 
 def _stranger(text: str) -> str:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict
-from starlette.requests import Request
+from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse
 
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import BODY, BODY_TIME, STRUCTURE, UPLOAD
 from stagectl.units import StageError
 
+STOPS = ("/v1/disable", "/v1/stop", "/v1/quick-stop")  # no form of a request keeps an axis from stopping
 UPLOADS = ("/v1/trajectory",)  # take larger bodies
 
 
@@ -45,11 +47,15 @@ async def check_no_body(request: Request) -> None:
         raise StageError(f"{path} takes no body, and nothing was done: name one axis as {path}?axis=x")
 
 
-def check_query(path: str, given: Collection[str], taken: Collection[str]) -> None:
-    """Raise StageError where an address has a word behind its `path` that would be ignored in silence."""
-    if odd := sorted(set(given) - set(taken)):
+async def check_query(link: HTTPConnection) -> None:
+    """Raise StageError where an address has a word behind its path that would be ignored in silence."""
+    route = link.scope["route"]
+    if not isinstance(route, APIRoute) or not route.include_in_schema or route.path in STOPS:
+        return
+    taken = [field.alias for field in route.dependant.query_params]
+    if odd := sorted(set(link.query_params) - set(taken)):
         known = " and ".join(f"`{name}`" for name in taken) or "nothing behind a ?"
-        raise StageError(f"{path} takes {known}, not {', '.join(f'`{name}`' for name in odd)}; nothing was done")
+        raise StageError(f"{route.path} takes {known}, not {', '.join(f'`{name}`' for name in odd)}; nothing was done")
 
 
 class Bodies:

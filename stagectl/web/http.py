@@ -13,9 +13,7 @@ from typing import Annotated, Any
 from fastapi import Depends, FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
-from starlette.requests import HTTPConnection
 from starlette.routing import Match, Route
 
 from stagectl.config.bounds import LARGEST_FILE
@@ -27,7 +25,7 @@ from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
-from stagectl.web.bodies import Strict, check_no_body, check_query, for_client, wrong
+from stagectl.web.bodies import STOPS, Strict, check_no_body, check_query, for_client, wrong
 from stagectl.web.limits import AXES, AXIS_NAME, EFFECTS, FILE_NAME, GAINS, LARGEST_NUMBER, PLACE, QUANTITY, TABLES
 
 AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
@@ -141,7 +139,6 @@ _REFUSALS: dict[int | str, dict[str, Any]] = {
     409: {"model": Refusal, "description": "It cannot be done now."},
     422: {"model": Refusal, "description": "It can never be done: a wrong value, a limit."},
 }
-_STOPS = ("/v1/disable", "/v1/stop", "/v1/quick-stop")  # no form of a request keeps an axis from stopping
 _GUARDED: dict[int | str, dict[str, Any]] = {
     408: {"model": Refusal, "description": "The body has not come in time."},
     413: {"model": Refusal, "description": "The body is too large."},
@@ -154,7 +151,12 @@ _GUARDED: dict[int | str, dict[str, Any]] = {
 def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:  # noqa: B008  # a constant
     """The whole interface; `port` is the TCP port that the page reports."""
     app = FastAPI(
-        title="stagectl", version="1", docs_url=None, redoc_url=None, responses=_GUARDED, dependencies=[Depends(_exact)]
+        title="stagectl",
+        version="1",
+        docs_url=None,
+        redoc_url=None,
+        responses=_GUARDED,
+        dependencies=[Depends(check_query)],
     )
     app.add_exception_handler(AbsentError, _refusal(404))
     app.add_exception_handler(ServiceError, _refusal(409))
@@ -171,13 +173,6 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
     _changing(app, orders)
     routes.add(app, service, port, _REFUSALS)
     return app
-
-
-async def _exact(link: HTTPConnection) -> None:
-    """Refuse what the address says and its path does not take."""
-    route = link.scope["route"]
-    if isinstance(route, APIRoute) and route.include_in_schema and route.path not in _STOPS:
-        check_query(route.path, link.query_params.keys(), [field.alias for field in route.dependant.query_params])
 
 
 def _refusal(status: int) -> Callable[[Request, Exception], Awaitable[Response]]:
@@ -241,7 +236,7 @@ def _reading(app: FastAPI, service: Service) -> None:
 def _moving(app: FastAPI, orders: OrderHandler) -> None:
     def verb(path: str, order: Callable[[list[AxisController]], Awaitable[None]]) -> None:
         async def do(request: Request, axis: AxisName = "") -> dict[str, Any]:
-            if f"/v1/{path}" not in _STOPS:
+            if f"/v1/{path}" not in STOPS:
                 await check_no_body(request)
             await order(orders.service.chosen(axis))
             return orders.service.machine_json()
