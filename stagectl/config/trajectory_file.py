@@ -16,7 +16,16 @@ from stagectl import trajectories
 from stagectl.config.bounds import DEEPEST_PARTS, LARGEST_CSV, MOST_PARTS
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader, load
-from stagectl.config.source import ConfigError, children_of, compose, entry_of, malformed, placed, read_text
+from stagectl.config.source import (
+    ConfigError,
+    UnreadableError,
+    children_of,
+    compose,
+    entry_of,
+    malformed,
+    placed,
+    read_text,
+)
 from stagectl.config.stage_file import Setup
 from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import TYPES, Csv, Excited, Released, Sequence, Sum
@@ -67,7 +76,7 @@ def load_trajectory(
     try:
         trajectory: trajectories.Experiment = _resolved(entry, _Source(path, axis, tables), "")
         trajectories.check(trajectory)
-    except trajectories.TrajectoryError as error:
+    except (trajectories.TrajectoryError, UnreadableError) as error:
         root = compose(path, text)
         error.problems = tuple(placed(problem, path, root) for problem in error.problems)
         raise
@@ -125,7 +134,11 @@ def _recorded(entry: Csv, source: _Source, place: str) -> trajectories.Recorded:
 def _table_text(entry: Csv, source: _Source, place: str) -> str:
     """Text of the CSV file.  Raises TrajectoryError where it must have been sent along and was not."""
     if source.tables is None:
-        return read_text(source.path.parent / entry.file, LARGEST_CSV)
+        try:
+            return read_text(source.path.parent / entry.file, LARGEST_CSV)
+        except UnreadableError as error:
+            named = {"key": f"{place}file", "value": entry.file}
+            raise UnreadableError(*(problem._replace(**named) for problem in error.problems)) from error
     if entry.file not in source.tables:
         reason = "names a file; what is uploaded can only name tables that are uploaded with it"
         remedy = "send the table's text under this name, as `stagectl follow` does"

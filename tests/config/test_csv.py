@@ -63,7 +63,7 @@ def test_what_is_no_file_is_refused_at_once(tmp_path: Path) -> None:
     with refused(UnreadableError, kind=ProblemKind.FILE):
         load(tmp_path, None)
     (tmp_path / "log.csv").unlink()
-    with refused(UnreadableError, kind=ProblemKind.FILE):
+    with refused(UnreadableError, kind=ProblemKind.FILE, key="file", file=tmp_path / "move.yaml", line=1):
         load(tmp_path, None)
     (tmp_path / "log.csv").symlink_to("/dev/zero")
     with refused(UnreadableError, kind=ProblemKind.FILE):
