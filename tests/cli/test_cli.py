@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from stagectl.cli.app import VERBS
+from stagectl.cli.show import summary
 from stagectl.kernels.rollout import COLUMNS
 from stagectl.recording.hdf5 import Recording
 from stagectl.workflows import motion as session
@@ -159,3 +160,18 @@ def test_in_a_process_of_its_own(
     assert "bad.yaml:1)" in done.stderr
     assert "Traceback" not in done.stderr
     assert os.listdir(tmp_path) == ["bad.yaml"]  # no recording, no bus, nothing executed
+
+
+def test_the_page_is_an_address_that_a_script_can_take(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    address = {"address": "http://127.0.0.1:8402/#key"}
+    monkeypatch.setattr("stagectl.cli.service.ask_service", lambda *_: address)
+    assert command("page") == (0, f"{address['address']}\n", "")
+    assert json.loads(command("page", "--json", "-")[1]) == address
+
+
+def test_where_rows_are_lost_nobody_says_that_the_axis_did_not_settle() -> None:
+    result = {"tracking_error": {"peak": 1e-6, "rms": 1e-7}, "unit": "m", "steady": (0.0, 1.0), "nd": 1, "stage": "s"}
+    result |= {"trajectory": "t", "open_loop": False, "fault": "", "simulated": False, "late_cycles": 0}
+    result |= {"effects_limited_cycles": 0, "saturated_cycles": 0, "in_position": False, "lost_rows": 3}
+    assert "settle" not in summary(result)
+    assert "settle" in summary({**result, "lost_rows": 0})
