@@ -137,8 +137,8 @@ def _table_text(entry: Csv, source: _Source, place: str) -> str:
         try:
             return read_text(source.path.parent / entry.file, LARGEST_CSV)
         except UnreadableError as error:
-            named = {"key": f"{place}file", "value": entry.file}
-            raise UnreadableError(*(problem._replace(**named) for problem in error.problems)) from error
+            named = (problem._replace(key=f"{place}file", value=entry.file) for problem in error.problems)
+            raise UnreadableError(*named) from error
     if entry.file not in source.tables:
         reason = "names a file; what is uploaded can only name tables that are uploaded with it"
         remedy = "send the table's text under this name, as `stagectl follow` does"
