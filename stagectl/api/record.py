@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -180,8 +181,21 @@ def load_log(
         return RecordFolder([record_of(open_recording(file)) for file in sorted(place.glob("*.h5"))])
     from stagectl.recording.imports import read  # with pyarrow, which our own recordings do not need
 
-    records = [record_of(recording) for recording in read(place, setup, named_columns(columns))]
+    try:
+        records = [record_of(recording) for recording in read(place, setup, named_columns(columns))]
+    except RecordingError as error:
+        error.problems = tuple(one._replace(reason=_in_python(one.reason)) for one in error.problems)
+        raise
     return RecordFolder(records) if place.is_dir() else records[0]
+
+
+def _in_python(reason: str) -> str:
+    """The option of the command line as the argument that it is here."""
+    return (
+        re.sub(r"--columns (\w+=[^\s;]*)", r"columns='\1'", reason)
+        .replace("--columns", "`columns`")
+        .replace("--stage", "`stage`")
+    )
 
 
 def named_columns(columns: Mapping[str, str] | str | None) -> Mapping[str, str] | None:

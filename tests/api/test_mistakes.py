@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,15 @@ def test_it_is_refused_by_name(name: str) -> None:
     with pytest.raises(sc.StageError) as refused:
         call(sc.load_stage(STAGE))
     assert words in str(refused.value)
+
+
+def test_columns_are_an_argument_in_python(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("a,b\n0,1\n1,2\n")
+    for columns in (None, {"time": "a"}, {"zeit": "a"}, {"time": "c"}):
+        with pytest.raises(sc.StageError) as refused:
+            sc.load_log(log, columns)
+        assert "--columns" not in str(refused.value)
 
 
 def test_what_python_says_itself_it_says_itself() -> None:
