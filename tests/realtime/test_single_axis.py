@@ -267,7 +267,7 @@ def test_a_motion_that_would_leave_the_travel_never_starts(ball_screw: Setup, cl
     for origin, fits in ((0.0, True), (high - 0.5, True), (high - 0.499, False), (low + 0.499, False)):
         axis.asked = held(origin, 0.0)
         assert axis.may_begin(Order(Event.MOVE, Move(0.0, 10.0, -0.5, 0.5, 1.0))) == fits
-    assert f"the axis is at {low + 0.499:.6g}" in board.words
+    assert f"the axis is at {axis.p.limits.place(low + 0.499)}" in board.words
     assert "limits.travel is" in board.words and board.words.endswith(": move the axis back, then run again")
 
 
