@@ -94,6 +94,8 @@ def _export_model(stage: Path, to: Format, output: Path | None, json: Json) -> N
     path = models.SIMULATORS[to].file(stage, output)
     report_file = path.with_suffix(f".{to}.html")  # the models of a stage may share a name
     check_replaceable(report_file, PAGE)
+    if output is None:
+        check_replaceable(path, "")
     setup = load_stage(stage)
     path.parent.mkdir(parents=True, exist_ok=True)
     exported = models.SIMULATORS[to].write(setup, path)
