@@ -87,9 +87,6 @@ class _Need(NamedTuple):
     side: int = 0  # of the travel: 1 upwards, -1 downwards
 
 
-_DIRECTIONS = {0: "", 1: " upwards", -1: " downwards"}
-
-
 def check_limits(setup: Setup, trajectory: Trajectory) -> None:
     """Refuse a motion beyond travel, speed or acceleration.  Raises LimitError with all that it exceeds."""
     limits, axis = setup.file.limits, setup.file.axis
@@ -133,10 +130,12 @@ def _beyond(setup: Setup, need: _Need) -> Problem:
     unit, scale, start, file, line = _written(setup, need)
 
     def shown(value: float) -> str:
-        return f"{(value + need.side * start) / scale:.6g} {unit}" + _DIRECTIONS[need.side]
+        return f"{(start + value) / scale:.6g}"
 
     begins = f" from {start / scale:.6g} {unit}" if abs(start) > LIMIT_SLACK else ""
-    reason, value = f"the trajectory{begins} needs {shown(need.needed)}", shown(need.allowed)
+    reason = f"the trajectory{begins} needs {shown((need.side or 1) * need.needed)} {unit}"
+    ends = (shown(end * setup.file.axis.travel_per_unit) for end in setup.file.limits.travel)
+    value = f"[{', '.join(ends)}] {unit}" if need.side else f"{shown(need.allowed)} {unit}"
     change = "make the motion shorter" if need.side else "make the motion slower"
     if need.side and need.allowed < 0.0:
         reason, change = f"the motion begins {-need.allowed / scale:.6g} {unit} outside", "begin within the travel"

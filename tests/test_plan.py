@@ -85,7 +85,7 @@ def test_all_limits_that_a_motion_exceeds_are_named_as_the_file_states_them(ball
     with refused(LimitError, needed=pytest.approx(0.08), allowed=pytest.approx(0.05)) as caught:
         planned(ball_screw, Sine(0.08, 20.0, 2))
     problems = caught.value.problems
-    values = ["50 mm upwards", "50 mm downwards", "300 mm/s", "5 m/s^2"]
+    values = ["[-50, 50] mm", "[-50, 50] mm", "300 mm/s", "5 m/s^2"]
     assert [problem.value for problem in problems] == values
     lines = ball_screw.path.read_text().splitlines()
     assert all(problem.key.removeprefix("limits.") in lines[problem.line - 1] for problem in problems)
@@ -96,7 +96,7 @@ def test_travel_that_is_left_is_named_by_the_limit_itself(ball_screw: Setup) -> 
     """A service lays a motion out from where the axis stands."""
     limits, here = ball_screw.file.limits, 0.005 / ball_screw.file.axis.travel_per_unit
     left = limits._replace(travel=(limits.travel[0] - here, limits.travel[1] - here))
-    with refused(LimitError, value="50 mm upwards", needed=pytest.approx(0.046), allowed=pytest.approx(0.045)):
+    with refused(LimitError, value="[-50, 50] mm", needed=pytest.approx(0.046), allowed=pytest.approx(0.045)):
         planned(ball_screw.having(limits=left), Trapezoid(0.046, 0.2, 4.0))
 
 

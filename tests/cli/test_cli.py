@@ -73,7 +73,7 @@ def test_beyond_the_limits_nothing_moves(command: Command, verb: str) -> None:
     Path("motion.yaml").write_text("type: sine\namplitude: 51 mm\nfrequency: 0.1 Hz\nperiods: 1\n")
     code, out, err = command(verb, STAGE, "motion.yaml")
     assert (code, out) == (2, "")
-    assert "the trajectory needs 0.051 m upwards" in err
+    assert "the trajectory needs 51 mm" in err
     assert "nothing has moved" in err
 
 
@@ -173,5 +173,6 @@ def test_where_rows_are_lost_nobody_says_that_the_axis_did_not_settle() -> None:
     result = {"tracking_error": {"peak": 1e-6, "rms": 1e-7}, "unit": "m", "steady": (0.0, 1.0), "nd": 1, "stage": "s"}
     result |= {"trajectory": "t", "open_loop": False, "fault": "", "simulated": False, "late_cycles": 0}
     result |= {"effects_limited_cycles": 0, "saturated_cycles": 0, "in_position": False, "lost_rows": 3}
+    result |= {"tracking_error_after_start": {"peak": 1e-6, "rms": 1e-7}, "current_at_rest": None}
     assert "settle" not in summary(result)
     assert "settle" in summary({**result, "lost_rows": 0})

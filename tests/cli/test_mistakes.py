@@ -132,10 +132,9 @@ def test_limit_too_small(command: Command) -> None:
     stage = stage_with("speed: 300 mm/s", "speed: 10 mm/s")
     ends(
         command("simulate", stage, SINE),
-        "limits.speed = 0.01 m/s",
-        "the trajectory needs 0.05",
-        "raise the limit in stage.yaml",
-        "stagectl simulate stage.yaml",
+        "limits.speed = 10 mm/s",
+        "the trajectory needs 50.2655 mm/s",
+        "raise the limit (stage.yaml:",
     )
 
 

@@ -172,7 +172,7 @@ MISTAKES = [
     ("record --for 2", "--for 2", 2),
     ("config check weak.yaml", "must lie in (1.389, inf) A (weak.yaml:29)", 1),
     ("config check tight.yaml", "must lie in (1.144e-08, 0.1) m (tight.yaml:57)", 1),
-    (f"simulate beyond.yaml {T}", "limits.travel = [0.01, 0.05] m; the motion begins 0.01 m outside", 2),
+    (f"simulate beyond.yaml {T}", "limits.travel = [10, 50] mm; the motion begins 10 mm outside", 2),
     ("identify least-squares config/linear-slider.yaml exported.csv", "exported.csv has measured_rad", 2),
     ("record --for -1s", "must lie in (0,", 2),
     (f"tune 30Hz {S}", "takes STAGE.yaml alone: give `--bandwidth 30Hz`", 2),

@@ -274,7 +274,7 @@ TYPES = ("sine", "trapezoid", "s_curve", "dwell", "multisine", "csv", "sequence"
          "current_multisine", "current_sweep", "excited", "release")  # fmt: skip
 DWELL = "  - {type: dwell, duration: 1 s}\n"
 MOTIONS: list[tuple[str, dict[str, Any]]] = [
-    (SINE.format("60 mm", "0.2 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.travel", "value": "50 mm upwards"}),
+    (SINE.format("60 mm", "0.2 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.travel", "value": "[-50, 50] mm"}),
     (SINE.format("40 mm", "3 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.speed", "value": "300 mm/s"}),
     (SINE.format("1 mm", "15 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.acceleration", "value": "5 m/s^2"}),
     (SINE.format("1 mm", "1 Hz", 9000), {"kind": Kind.LIMIT, "key": "duration", "value": "9002 s"}),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -40,6 +41,7 @@ class Server:
             for _ in range(2):
                 self.greeting.append(line.recv(100))
                 line.sendall(b"< ok >")
+            time.sleep(0.1)  # python-can takes what comes with the answer for a part of it
             line.setblocking(False)
             with contextlib.suppress(ConnectionError):
                 self._carry(line)
