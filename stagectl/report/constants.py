@@ -1,7 +1,7 @@
 """What a page draws, and how much of it.  Chosen by eye.  Sizes and places of a drawing stand beside it."""
 
 # Curves.
-BUCKETS = 1500  # points of a run's curve: each the lowest and the highest of its rows
+ALL_ROWS = 20_000  # of a run, that its page holds; of a longer one, the lowest and the highest of each bucket
 MOST_POINTS = 4000  # of a capture's curve; more is not seen
 RESPONSE_POINTS, MODEL_POINTS = 1500, 300  # of a frequency response: of a tuned loop, of an identified model
 BODE_RANGE = (-40.0, 60.0)  # dB, of the gain of an open loop

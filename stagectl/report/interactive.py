@@ -5,6 +5,7 @@ The picture stays in the page for print, and where uPlot is not installed.
 
 from __future__ import annotations
 
+import base64
 import json
 from typing import Any, cast
 
@@ -118,9 +119,22 @@ def _line(line: Line2D) -> dict[str, Any]:
         **_named(line),
         "points": line.get_linestyle() == "None",
         "width": line.get_linewidth(),
-        "x": _numbers(line.get_xdata()),
-        "y": _numbers(line.get_ydata()),
+        "x": _places(line.get_xdata()),
+        "y": _packed(line.get_ydata(), "<f4"),
     }
+
+
+def _places(values: Any) -> list[float] | str:
+    """First, last and number where they are evenly spaced, as times are; else all of them."""
+    x = np.asarray(values, dtype=np.float64)
+    first, last, count = float(x[0]), float(x[-1]), len(x)
+    even = np.allclose(x, np.linspace(first, last, count), rtol=0.0, atol=1e-6 * abs(last - first) / count)
+    return [first, last, count] if even else _packed(x, "<f8")
+
+
+def _packed(values: Any, kind: str) -> str:
+    """For the script's `unpacked`: a sample costs a third of what it does in digits."""
+    return base64.b64encode(np.asarray(values, dtype=kind).tobytes()).decode()
 
 
 def _numbers(values: Any) -> list[float | None]:

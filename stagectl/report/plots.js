@@ -10,6 +10,11 @@ function groupOf(panel) {
   return group;
 }
 
+// A curve's numbers, from base64; a place without a value is null, which breaks the curve.
+const unpacked = (text, Kind) => Array.from(new Kind(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer), (value) => (Number.isFinite(value) ? value : null));
+const spaced = ([first, last, count]) => Array.from({ length: count }, (_, k) => first + (last - first) * k / (count - 1));
+const curve = (line) => ({ ...line, x: Array.isArray(line.x) ? spaced(line.x) : unpacked(line.x, Float64Array), y: unpacked(line.y, Float32Array) });
+
 // Curves on one axis: where their times differ each has no value (undefined: no gap) at those of the others.
 function aligned(lines) {
   const same = lines.every((line) => line.x.length === lines[0].x.length && line.x.every((t, k) => t === lines[0].x[k]));
@@ -70,6 +75,8 @@ function ticks(_, of, low, high) {
 }
 const decades = { splits: ticks, filter: (_, splits) => splits, values: (_, splits) => splits.map((value) => `${value}`) };
 
+const linear = { values: (_, splits) => splits.map((value) => `${+value.toPrecision(9)}`) };  // as many digits as a zoom needs
+
 // A value under the pointer; at rest the legend names the curves alone.
 const read = (_, value) => (value === null || value === undefined ? "" : `${+value.toPrecision(5)}`);
 
@@ -78,6 +85,8 @@ function build(place, panel) {
   const whole = () => !group.window || near(group.window, group.xlim);
   const room = (low, high) => { const gap = 0.08 * (high - low) || Math.abs(high) || 1; return [low - gap, high + gap]; };
   const fit = (plot, low, high) => (whole() || low === null ? panel.ylim : panel.logarithmic ? [low / 1.2, high * 1.2] : room(low, high));
+  // Zoomed until they stand apart, the samples are dots.  Of more than its width shows, uPlot draws the lowest and highest.
+  const apart = (plot, _, from, to) => !whole() && to - from < plot.bbox.width / (12 * devicePixelRatio);
   const plot = new uPlot({
     width: place.clientWidth || 600, height: 240, title: panel.title || undefined, pxAlign: 0,
     cursor: { sync: { key: group.key, scales: ["x", null] }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => zoom(group, ...group.xlim) } },
@@ -85,11 +94,11 @@ function build(place, panel) {
     legend: { markers: { width: 0, fill: (_, of) => panel.lines[of - 1]?.colour } },
     series: [{ label: panel.x, value: read }, ...panel.lines.map((line) => ({
       label: line.label || [panel.title, panel.y].filter(Boolean).join(" "), value: read, stroke: line.colour, width: line.width, dash: line.dashed ? [6, 4] : undefined,
-      points: { show: line.points, size: 4, fill: line.colour }, ...(line.points ? { paths: () => null } : {}),
+      points: { show: line.points || apart, size: 4, fill: line.colour }, ...(line.points ? { paths: () => null } : {}),
     }))],
     axes: [
-      { ...axis, label: panel.x, size: 26, labelSize: 20, ...(panel.over_decades ? decades : {}) },
-      { ...axis, label: panel.y, size: 70, labelSize: 22, ...(panel.logarithmic ? decades : {}) },
+      { ...axis, label: panel.x, size: 26, labelSize: 20, ...(panel.over_decades ? decades : linear) },
+      { ...axis, label: panel.y, size: 70, labelSize: 22, ...(panel.logarithmic ? decades : linear) },
     ],
     hooks: {
       drawClear: [(shown) => shade(shown, panel)],
@@ -101,7 +110,7 @@ function build(place, panel) {
         shown.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
       }],
     },
-  }, aligned(panel.lines), place);
+  }, aligned(panel.lines.map(curve)), place);
   group.plots.push(plot);
   plot.setScale("x", { min: group.xlim[0], max: group.xlim[1] });
   const [even, back] = panel.over_decades ? [Math.log10, (power) => 10 ** power] : [Number, Number];  // to a linear axis

@@ -16,7 +16,7 @@ from stagectl.number_format import prefix
 from stagectl.recording.extremes import extremes
 from stagectl.recording.hdf5 import Recording
 from stagectl.recording.replay import check_ran
-from stagectl.report.constants import BUCKETS
+from stagectl.report.constants import ALL_ROWS
 from stagectl.report.figures import WITH, WITHOUT
 from stagectl.report.page import Page
 from stagectl.report.panels import CONVENTIONAL, TRUTH, Frame, Line, picture, stacked
@@ -44,7 +44,7 @@ def page(recording: Recording, commands: Sequence[str]) -> Page:
     return Page(
         f"{result['stage']}: {result['trajectory']}",
         tables.answer(result, samples),
-        _notes(result, meta),
+        _notes(result, meta, len(samples)),
         [picture(lines, frame, caption) for lines, frame, caption in _panels(samples, meta)],
         [tables.achieved(result, meta)],
         [*commands, f"stagectl replay {shlex.quote(str(recording.path))}"],
@@ -53,12 +53,13 @@ def page(recording: Recording, commands: Sequence[str]) -> Page:
     )
 
 
-def _notes(result: dict[str, Any], meta: dict[str, Any]) -> list[str]:
+def _notes(result: dict[str, Any], meta: dict[str, Any], rows: int) -> list[str]:
     window = f"{result['steady'][0]:.3g} to {result['steady'][1]:.3g} s, shaded"
     simulated = "Simulated, on the stage model." if "tracking_error_true" in result else "Recorded."
     return [
         f"{simulated} {meta['created']}, Ts {1e3 * meta['dt']:g} ms, nd = {result['nd']}, nm = {result['nm']}. The "
         f"error is the reference minus the measured position, both at the instant of the latch, over {window}.",
+        *([f"The curves show the lowest and the highest of every {size} rows."] if (size := _bucket(rows)) > 1 else []),
     ]
 
 
@@ -121,10 +122,15 @@ def _drawn(
 
 
 def thinned(time: Array, values: Array) -> tuple[Array, Array]:
-    """Lowest and highest of each bucket: no peak is lost."""
-    size = math.ceil(len(values) / BUCKETS)
-    if size < 2:
+    """All rows; of a run of more than `ALL_ROWS` the lowest and the highest of each bucket: no peak is lost."""
+    size = _bucket(len(values))
+    if size == 1:
         return time, values
     whole = len(values) // size * size
     buckets = extremes(values[:whole, None], 0, size)
     return np.repeat(time[:whole:size], 2), np.column_stack([buckets.low[0], buckets.high[0]]).ravel()
+
+
+def _bucket(rows: int) -> int:
+    """Rows that two points of a curve stand for; 1 where each row has a point."""
+    return 1 if rows <= ALL_ROWS else math.ceil(2 * rows / ALL_ROWS)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import base64
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stagectl as sc
 from stagectl.api.record import MotionRecord
+from stagectl.report.panels import picture
 from stagectl.report.run import _panels
 from tests.conftest import CONFIG
 
@@ -50,3 +54,16 @@ def test_the_current_of_an_axis_at_rest(tmp_path: Path) -> None:
 
 def test_an_open_loop_has_no_tracking_error_to_draw() -> None:
     assert set(panels(simulated(CONFIG / "experiments" / "current-sine-1.6hz-5a.yaml"))) == {"Position", "Current"}
+
+
+def test_the_page_holds_each_row(tmp_path: Path) -> None:
+    """A zoom ends at samples, not at the buckets of a picture; a row costs a few bytes."""
+    (tmp_path / "forth.yaml").write_text(FORTH)
+    run = simulated(tmp_path / "forth.yaml")
+    samples, meta = run.recording.samples, run.recording.meta
+    lines, frame, _ = _panels(samples, meta)[1]
+    ((curve,),) = [panel["lines"] for panel in json.loads(picture(lines, frame, "error").plot)]
+    error = np.frombuffer(base64.b64decode(curve["y"]), "<f4")
+    np.testing.assert_allclose(error, lines[0].y, rtol=1e-6)
+    np.testing.assert_allclose(np.linspace(*curve["x"]), samples["time"], atol=1e-9)
+    assert len(json.dumps(curve)) < 6 * len(samples) + 200
