@@ -21,12 +21,19 @@ from matplotlib.text import Annotation
 from stagectl.report.figures import embedded
 from stagectl.report.page import Picture
 
-_OVER = ("time [", "frequency [", "bandwidth [")  # what a figure is zoomed over, by the label of its x axis
+_OVER = (
+    "time [",
+    "time after ",
+    "frequency [",
+    "bandwidth [",
+)  # what a figure is zoomed over, by the label of its x axis
 
 
 def picture(figure: Figure, caption: str, dpi: int = 170, least: int = 0) -> Picture:
     """The figure with its curves over time or frequency, if it has any; closes it."""
     panels = [_panel(axes) for axes in figure.axes if _label(axes).startswith(_OVER)]
+    if panels and not panels[0]["title"]:
+        panels[0]["title"] = figure.get_suptitle().replace("\n", " ")
     data = json.dumps(panels, allow_nan=False) if panels else ""
     return Picture(embedded(figure, dpi), caption, least, data)
 
@@ -99,8 +106,10 @@ def _note(text: Annotation) -> dict[str, Any]:
 
 
 def _ends(axes: Axes) -> list[float]:
-    """First and last x of the curves."""
-    places = [np.asarray(line.get_xdata(), dtype=np.float64) for line in filter(_curve, axes.lines)]
+    """First and last x of the curves, with those of the panels that share the axis."""
+    together = axes.get_shared_x_axes().get_siblings(axes)
+    lines = [line for other in together for line in other.lines if _curve(line)]
+    places = [np.asarray(line.get_xdata(), dtype=np.float64) for line in lines]
     every = np.concatenate(places) if places else np.array(axes.get_xlim())
     return [float(np.nanmin(every)), float(np.nanmax(every))]
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.export import ExportedModel
-from stagectl.interchange.round_trip import Array
+from stagectl.interchange.round_trip import Array, Compared
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, embedded
+from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing
+from stagectl.report.interactive import picture
 from stagectl.report.page import Page, Picture, Table
 
 NOTHING = "nothing: all of the plant is in the model"
@@ -18,7 +20,6 @@ COLOURS = (WITHOUT, WITH)  # of the variants
 
 def page(setup: Setup, exported: ExportedModel, command: str) -> Page:
     """The page; `command` repeats the export."""
-    shown = "Positions under the same commands, and their differences below."
     return Page(
         f"stagectl export: {setup.file.name} in {exported.simulator.rstrip(',')}",
         answer(exported),
@@ -27,14 +28,31 @@ def page(setup: Setup, exported: ExportedModel, command: str) -> Page:
             "The commands are currents without feedback, in whole steps of the drive: a loop would hide differences.",
             "A percentage of the motion is the stricter figure: what friction changes of it is much larger.",
         ],
-        [Picture(embedded(motions(setup, exported)), shown)] if exported.variants else [],
+        _pictures(setup, exported),
         [
             _table(setup, exported),
             Table("Not held", ["entry"], [[words] for words in exported.lost or [NOTHING]], (0,)),
         ],
         [command],
         versions(),
+        narrow=True,
     )
+
+
+def _pictures(setup: Setup, exported: ExportedModel) -> list[Picture]:
+    """One of each motion."""
+    scale, unit = _unit(setup)
+    columns = zip(*exported.variants.values(), strict=True)
+    each = [dict(zip(exported.variants, column, strict=True)) for column in columns]
+    words = "position under the same commands, and the difference"
+    return [
+        picture(motion(one, scale, unit), f"{next(iter(one.values())).name.capitalize()}: {words}.") for one in each
+    ]
+
+
+def _unit(setup: Setup) -> tuple[float, str]:
+    """Factor from rad | m, and unit of a position."""
+    return 1e6 * setup.file.axis.travel_per_unit, "µm" if setup.file.axis.travel_unit == "m" else "µrad"
 
 
 def answer(exported: ExportedModel) -> str:
@@ -58,9 +76,8 @@ def _shown(share: float) -> str:
 
 
 def _table(setup: Setup, exported: ExportedModel) -> Table:
-    unit = "µm" if setup.file.axis.travel_unit == "m" else "µrad"
+    scale, unit = _unit(setup)
     head = ["run", "motion", f"rms difference, {unit}", "of the friction's effect, %", "of the motion, %"]
-    scale = 1e6 * setup.file.axis.travel_per_unit
     rows = [
         [name, motion.name, f"{scale * motion.difference:.3g}", *map(_shown, (motion.of_friction, motion.of_motion))]
         for name, each in exported.variants.items()
@@ -69,31 +86,24 @@ def _table(setup: Setup, exported: ExportedModel) -> Table:
     return Table("There against here", head, rows, (0, 1))
 
 
-def motions(setup: Setup, exported: ExportedModel) -> Figure:
-    """Each motion with its differences."""
-    unit = "µm" if setup.file.axis.travel_unit == "m" else "µrad"
-    scale = 1e6 * setup.file.axis.travel_per_unit
-    first = next(iter(exported.variants.values()))
-    with drawing(2, len(first), top=0.94, figsize=(11.0, 4.8), sharex=True) as (figure, axes):
-        for column, motion in enumerate(first):
-            upper, lower = axes[0][column], axes[1][column]
-            upper.plot(motion.time, scale * motion.ours, color=TARGET, linewidth=2.4, label="stagectl")
-            for (name, each), colour in zip(exported.variants.items(), COLOURS, strict=False):
-                theirs, ours = scale * each[column].theirs, scale * each[column].ours
-                upper.plot(motion.time, theirs, color=colour, linewidth=1.1, linestyle="--", label=name)
-                _differences(lower, motion.time, theirs - ours, colour)
-            upper.set_title(motion.name, fontsize=9)
-            lower.set_xlabel("time in s")
-        axes[0][0].set_ylabel(f"position in {unit}")
-        axes[1][0].set_ylabel(f"|difference| in {unit}")
-        figure.legend(*axes[0][0].get_legend_handles_labels(), fontsize=7, loc="upper right", ncols=3)
+def motion(each: dict[str, Compared], scale: float, unit: str) -> Figure:
+    """One motion, ours and that of each variant, with their differences."""
+    ours = next(iter(each.values()))
+    with drawing(2, 1, figsize=(4.5, 4.4), sharex=True) as (figure, (upper, lower)):
+        upper.plot(ours.time, scale * ours.ours, color=TARGET, linewidth=2.4, label="stagectl")
+        for (name, theirs), colour in zip(each.items(), COLOURS, strict=False):
+            upper.plot(theirs.time, scale * theirs.theirs, color=colour, linewidth=1.1, linestyle="--", label=name)
+            _differences(lower, theirs.time, scale * (theirs.theirs - theirs.ours), name, colour)
+        upper.set_title(ours.name, loc="left", fontsize=9, fontweight="bold", color=TARGET)
+        upper.set_ylabel(f"position [{unit}]")
+        lower.set(xlabel="time [s]", ylabel=f"|difference| [{unit}]")
+        upper.legend(fontsize=7, loc="lower left")
     return figure
 
 
-def _differences(axes: Axes, time: Array, difference: Array, colour: str) -> None:
+def _differences(axes: Axes, time: Array, difference: Array, name: str, colour: str) -> None:
     """On a logarithmic axis, where there are any."""
     if difference.any():
-        axes.semilogy(time, abs(difference), color=colour, linewidth=1.0)
+        axes.semilogy(time, np.where(difference, abs(difference), np.nan), color=colour, linewidth=1.0, label=name)
     else:
-        axes.plot(time, difference, color=colour, linewidth=1.0)
-        axes.annotate("none", (0.5, 0.75), xycoords="axes fraction", ha="center", fontsize=8)
+        axes.plot(time, difference, color=colour, linewidth=1.0, label=name)

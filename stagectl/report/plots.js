@@ -41,7 +41,7 @@ function shade(plot, panel) {
 
 // Levels, single places and words beside a place, as the picture has them.
 function mark(plot, panel) {
-  const { ctx, bbox } = plot, scale = devicePixelRatio;
+  const { ctx, bbox } = plot, scale = devicePixelRatio, said = [];
   const across = (x, side) => (x === null ? bbox.left + side * bbox.width : plot.valToPos(x, "x", true));
   const up = (y, side) => (y === null ? bbox.top + side * bbox.height : plot.valToPos(y, "y", true));
   ctx.save();
@@ -55,7 +55,12 @@ function mark(plot, panel) {
     if (x.length === 1) { ctx.arc(across(x[0], 0), up(y[0], 0), 3.5 * scale, 0, 2 * Math.PI); ctx.fill(); }
     else { ctx.moveTo(across(x[0], 0), up(y[0], 0)); ctx.lineTo(across(x[1], 1), up(y[1], 1)); ctx.stroke(); }
     ctx.textAlign = "right";
-    if (label) ctx.fillText(label, across(x[1], 1) - 6 * scale, up(y[1], 1) - 5 * scale);
+    if (!label) continue;
+    const above = up(y[1], 1) - 5 * scale, height = above > bbox.top + 12 * scale ? above : above + 20 * scale;
+    const edges = said.filter((other) => Math.abs(other.height - height) < 12 * scale).map((other) => other.left);
+    const edge = Math.min(across(x[1], 1) - 6 * scale, ...edges);  // left of a label that stands there already
+    ctx.fillText(label, edge, height);
+    said.push({ height, left: edge - ctx.measureText(label).width - 12 * scale });
   }
   ctx.textAlign = "left";
   for (const { x, y, offset, words, colour } of panel.notes) {
@@ -93,7 +98,7 @@ function build(place, panel) {
     scales: { x: { time: false, distr: panel.over_decades ? 3 : 1, range: (_, min, max) => [min, max] }, y: { distr: panel.logarithmic ? 3 : 1, range: fit } },
     legend: { markers: { width: 0, fill: (_, of) => panel.lines[of - 1]?.colour } },
     series: [{ label: panel.x, value: read }, ...panel.lines.map((line) => ({
-      label: line.label || [panel.title, panel.y].filter(Boolean).join(" "), value: read, stroke: line.colour, width: line.width, dash: line.dashed ? [6, 4] : undefined,
+      label: line.label || panel.y, value: read, stroke: line.colour, width: line.width, dash: line.dashed ? [6, 4] : undefined,
       points: { show: line.points || apart, size: 4, fill: line.colour }, ...(line.points ? { paths: () => null } : {}),
     }))],
     axes: [

@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 
 from stagectl.number_format import length, prefix
 from stagectl.problem import Problem, ProblemKind
-from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded
+from stagectl.report import interactive
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing
 from stagectl.report.page import Page, Picture, Table, write
 from stagectl.units import StageError
 from stagectl.workflows.acceptance.result import Acceptance, Outcome, StepResult
@@ -124,7 +125,7 @@ def _picture(step: StepResult, scale: float, unit: str) -> Picture:
         current.set(ylabel="current [A]", xlabel=f"time after {event} [s]" if event else "time [s]")
         _named(way)
         _named(current)
-    return Picture(embedded(figure), f"{step.name}: {step.title}")
+    return interactive.picture(figure, f"{step.name}: {step.title}")
 
 
 def _shown(step: StepResult, unit: str) -> tuple[float, str]:
