@@ -21,7 +21,7 @@ from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, note
 from stagectl.report.page import Page
 from stagectl.report.tables.tuning import tables
 from stagectl.tuning.families import chosen, judged_loops
-from stagectl.tuning.robustness import Loop, Robustness, robustness, stiffness
+from stagectl.tuning.robustness import Loop, Robustness, robustness, softest, stiffness
 from stagectl.tuning.search import Tuned
 from stagectl.tuning.sheet import ClosedLoop, closed, headline, notes, step, stiffness_unit
 from stagectl.units import quantity_of
@@ -61,7 +61,8 @@ def _declared(block: Any, name: str, kind: str) -> str:
 
 
 _CAPTIONS = {
-    "bandwidths": "The recommendation, and phase margin and Ms at other bandwidths, by the same rule.",
+    "bandwidths": "The recommendation, and other bandwidths by the same rule: phase margin and Ms, grey where refused, "
+    "and what bandwidth buys, the least dynamic stiffness.",
     "bode": "Open loop L, one line per loop. Marked: phase margin PM, gain margins GM.",
     "sensitivities": "Sensitivity S = 1/(1 + L), its peak Ms, and T = L/(1 + L).",
     "nyquist": "Nyquist plot near -1; the circle has the radius 1/Ms, the modulus margin.",
@@ -75,7 +76,7 @@ def drawings(setup: Setup, tuned: Tuned) -> dict[str, Callable[[], Figure]]:
     loops = judged_loops(setup.stage, tuned.control)
     closed_loop = functools.cache(lambda: closed(setup, tuned))
     return {
-        "bandwidths": lambda: other_bandwidths(tuned),
+        "bandwidths": lambda: other_bandwidths(setup, tuned, closed_loop()),
         "bode": lambda: bode(loops, tuned),
         "sensitivities": lambda: sensitivities(loops, tuned),
         "nyquist": lambda: nyquist(loops, tuned),
@@ -198,38 +199,49 @@ def dynamic_stiffness(setup: Setup, each: dict[str, Loop], closed_loop: ClosedLo
     return figure
 
 
-def other_bandwidths(tuned: Tuned) -> Figure:
-    """Phase margin and Ms over the bandwidth."""
+def other_bandwidths(setup: Setup, tuned: Tuned, closed_loop: ClosedLoop) -> Figure:
+    """What bandwidth costs, phase margin and Ms with what is refused; and what it buys, the least dynamic stiffness."""
     f = tuned.bandwidth * np.geomspace(0.25, 2.0, 25)
-    loops = [_first(tuned, float(bandwidth)) for bandwidth in f]
-    phase = [math.degrees(loop.phase) if loop else math.nan for loop in loops]
-    size = [loop.sensitivity.value if loop else math.nan for loop in loops]
-    with drawing(2, 1, figsize=(WIDTH, HEIGHT), sharex=True) as (figure, (above, below)):
-        above.plot(f, phase, color=TARGET, linewidth=1.4)
-        above.axhline(math.degrees(tuned.demand.margin), color=WITHOUT, linewidth=1.0, linestyle="--")
-        above.set(ylabel="phase margin [deg]", ylim=(0.0, None))
-        below.plot(f, size, color=TARGET, linewidth=1.4)
-        if math.isfinite(tuned.demand.peak):
-            below.axhline(tuned.demand.peak, color=WITHOUT, linewidth=1.0, linestyle="--")
-        below.set(ylabel="Ms", ylim=(1.0, 5.0), xlabel="bandwidth [Hz]")
-        reached = next(iter(tuned.reached.values()))
-        chosen_values = (math.degrees(reached.phase), reached.sensitivity.value)
-        panels = ((above, "PM {:.1f}°", 6), (below, "Ms {:.2f}", -14))  # one falls, the other rises: beside the curve
-        for (axes, words, up), value in zip(panels, chosen_values, strict=True):
+    each = np.array([_judged(setup, tuned, float(bandwidth)) for bandwidth in f])
+    scale, unit = stiffness_unit(setup)
+    reached, least = next(iter(tuned.reached.values())), scale * closed_loop.softest.value
+    chosen_values = (math.degrees(reached.phase), reached.sensitivity.value, least)
+    with drawing(3, 1, figsize=(WIDTH, 1.3 * HEIGHT), sharex=True) as (figure, panels):
+        words = ("PM {:.1f}°", "Ms {:.2f}", f"{{:.3g}} {unit}")  # each beside its curve: one falls, the others rise
+        for axes, curve, value, said, up in zip(panels, each.T, chosen_values, words, (6, -14, -14), strict=True):
+            axes.plot(f, curve, color=TARGET, linewidth=1.4)
             axes.axvline(tuned.bandwidth, color=WITH, linewidth=1.0)
             axes.plot(tuned.bandwidth, value, "o", color=WITH, markersize=5)
-            note(axes, f"{tuned.bandwidth:.3g} Hz: {words.format(value)}", (tuned.bandwidth, value), (6, up), WITH)
+            note(axes, f"{tuned.bandwidth:.3g} Hz: {said.format(value)}", (tuned.bandwidth, value), (6, up), WITH)
+        above, middle, below = panels
+        above.set(ylabel="phase margin [deg]", ylim=(0.0, None))
+        middle.set(ylabel="Ms", ylim=(1.0, 5.0))
+        below.set(ylabel=f"least stiffness [{unit}]", ylim=(0.0, None), xlabel="bandwidth [Hz]")
+        degrees = math.degrees(tuned.demand.margin)
+        _refused(above, (0.0, degrees), degrees, f"required {degrees:.3g} deg", f[0])
+        if math.isfinite(tuned.demand.peak):
+            _refused(middle, (tuned.demand.peak, 5.0), tuned.demand.peak, f"Ms <= {tuned.demand.peak:g}", f[0])
     return figure
 
 
-def _first(tuned: Tuned, bandwidth: float) -> Robustness | None:
-    """Margins of the loop cut at the current at another bandwidth; None where there is none or it is unstable."""
+def _refused(axes: Axes, span: tuple[float, float], limit: float, words: str, first: float) -> None:
+    """The limit in words, from the `first` x on, and shaded what it refuses."""
+    axes.axhspan(*span, color="#e2e8f0", zorder=-1)
+    axes.axhline(limit, color=WITHOUT, linewidth=1.0, linestyle="--")
+    note(axes, words, (first, limit), (4, 6))
+
+
+def _judged(setup: Setup, tuned: Tuned, bandwidth: float) -> tuple[float, float, float]:
+    """Phase margin (deg), Ms and least stiffness of the loop cut at the current; NaN where it is none, or unstable."""
     try:
-        each = judged_loops(tuned.family.stage, chosen(tuned.family, bandwidth))
-        margins = robustness(next(iter(each.values())))
+        loop = next(iter(judged_loops(tuned.family.stage, chosen(tuned.family, bandwidth)).values()))
+        margins = robustness(loop)
     except DesignError:
-        return None
-    return margins if margins.stable else None
+        return (math.nan,) * 3
+    if not margins.stable:
+        return (math.nan,) * 3
+    least = softest(tuned.family.stage, loop).value / setup.file.axis.travel_per_unit**2
+    return math.degrees(margins.phase), margins.sensitivity.value, stiffness_unit(setup)[0] * least
 
 
 def _db(values: Array) -> Array:
