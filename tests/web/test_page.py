@@ -264,6 +264,7 @@ def test_it_is_whole_on_every_screen(view: Any, machine: Served, scheme: str, wi
     )
     assert within(30.0, lambda: page.evaluate(amber) > 20)  # the error's amber, in either theme
     shown.shot(f"{scheme}-{width}")
+    page.evaluate("document.querySelectorAll('details').forEach((part) => { part.open = true; })")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator(".plot canvas").count() == 4
     shown.until("#position", re.compile(r"-?\d+\.\d{5} mm"))

@@ -12,6 +12,8 @@ const MOST = 16, POINTS = 1200, WHOLE = 20000;  // points of a curve over time, 
 
 const SAID = { A: "current", place: "position", x: "position below" };
 
+const STILL = 0.3, STEP = 0.12;  // of the height of the plot: curves within are at rest; they are so far apart
+
 // Channels that are compared share a scale; each other has its own.
 function family(name, unit) {
   if (unit === "A") return "A";
@@ -199,12 +201,23 @@ export class Scope {
       for (const value of this.data[3 * index + 2]) if (value < found[0]) found[0] = value;
       for (const value of this.data[3 * index + 3]) if (value > found[1]) found[1] = value;
     });
-    const scales = Object.keys(bounds), lanes = at("scope-lanes").value === "lanes";
-    scales.forEach((scale, lane) => {
-      const [low, high] = this.view.range(...bounds[scale], this.unitOf(scale)), height = (high - low) * 1.08;
-      bounds[scale] = lanes && this.view !== VIEWS.frequency ? [high - height * (scales.length - lane), high + height * lane] : [low, high];
-    });
-    return bounds;
+    return this.view === VIEWS.frequency ? this.fitted(bounds) : this.apart(bounds, this.fitted(bounds));
+  }
+
+  fitted(bounds) {
+    return Object.fromEntries(Object.entries(bounds).map(([scale, [low, high]]) => [scale, this.view.range(low, high, this.unitOf(scale))]));
+  }
+
+  // In lanes; or overlaid, where curves at rest would lie on each other: each a little above the next.
+  apart(bounds, ranges) {
+    const scales = Object.keys(ranges), lanes = at("scope-lanes").value === "lanes", wide = (ends) => ends[1] - ends[0];
+    const still = scales.filter((scale) => wide(bounds[scale]) < STILL * wide(ranges[scale]));
+    return Object.fromEntries(scales.map((scale, lane) => {
+      const [low, high] = ranges[scale], height = (high - low) * 1.08;
+      if (lanes) return [scale, [high - height * (scales.length - lane), high + height * lane]];
+      const shift = still.includes(scale) ? (still.indexOf(scale) - (still.length - 1) / 2) * STEP * height : 0;
+      return [scale, [low + shift, high + shift]];
+    }));
   }
 
   scaleOf(name) {
