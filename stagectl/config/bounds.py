@@ -18,6 +18,9 @@ DEEPEST_PARTS = 40  # blocks within each other of a trajectory file, aliases exp
 WIDEST_SLIPS = 1e6  # longest over shortest slip of a rolling friction; beyond, its stiffnesses cancel in a float
 DELAY_LINE = 7  # control periods of delay that the plant's kernel holds (`kernels.drive_effects`)
 FIRST_OBJECT, LAST_OBJECT = 0x1000_00, 0xFFFF_FF  # index_subindex of CANopen objects; below are data types (CiA 301)
+# Target torque, actual torque and actual current, in thousandths of the rated ones (CiA 402-2), and the relative
+# difference of their scale that is none: a rounded value.
+PER_MILLE, SAME_SCALE = (0x6071_00, 0x6077_00, 0x6078_00), 0.01
 SLCAN_BAUD = (9600.0, 12e6)  # bit/s that a serial adapter may be set to; the lower end is that of Lawicel's protocol
 
 SAME_VALUE = 1e-6  # relative difference up to which a patched value counts as read back

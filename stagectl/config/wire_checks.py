@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from stagectl.config.bounds import DELAY_LINE, FIRST_OBJECT, LAST_OBJECT, SLCAN_BAUD
+from stagectl.config.bounds import DELAY_LINE, FIRST_OBJECT, LAST_OBJECT, PER_MILLE, SAME_SCALE, SLCAN_BAUD
 from stagectl.config.stage_blocks import StageFile
 from stagectl.drives import cycle_time
 from stagectl.drives.drive import Canopen, Odrive
@@ -27,6 +27,7 @@ def wire_conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     elif isinstance(wire, Canopen):
         yield from unusable(wire)
         yield from _objects(wire, path)
+        yield from _scales(wire)
         yield from _timeouts(wire, period)
         yield from slow_slcan(wire, period)
         yield from _slow_bus(wire, period)
@@ -80,6 +81,22 @@ def _pdo(key: str, objects: tuple[int, ...], needed: int) -> Iterator[Problem]:
     elif needed and needed not in objects:
         reason = f"must hold the object 0x{needed >> 8:04x}_{needed & 0xFF:02x} that the cycle uses"
         yield Problem(reason, _CONFLICT, key)
+
+
+def _scales(wire: Canopen) -> Iterator[Problem]:
+    """A count of CiA 402's torque and current is a thousandth of the rated current: else all currents are off."""
+    permille = 1e-3 * wire.rated_current
+    for name, number, scale in (
+        ("command", wire.command_object, wire.command_scale),
+        ("current", wire.current_object, wire.current_scale),
+    ):
+        if number in PER_MILLE and abs(scale / permille - 1.0) > SAME_SCALE:
+            reason = (
+                f"0x{number >> 8:04x}_00 counts per mille of rated_current, {wire.rated_current:g} A: each current "
+                f"would be {max(scale / permille, permille / scale):.3g} times off"
+            )
+            key, value = f"drive.wire.{name}_scale", f"{1e3 * scale:g} mA"
+            yield Problem(reason, _CONFLICT, key, value, "A", remedy=f"write {1e3 * permille:g} mA")
 
 
 def _timeouts(wire: Canopen, period: float) -> Iterator[Problem]:

@@ -56,6 +56,7 @@ from stagectl.gap.selection.select import Selection
 from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
 from stagectl.gap.validation.validate import Validation, validate
+from stagectl.identification.thresholds import MOVED_STEPS
 from stagectl.kernels.stage import Stage, sliding
 
 
@@ -143,6 +144,9 @@ def unidentifiable(session: Session) -> str:
             "no log holds a current or a command: without a force, no motion separates inertia from friction; log the "
             "current, or name its column"
         )
+    least = MOVED_STEPS * session.stage.encoder.step
+    if all(float(np.ptp(log.position)) <= least for log in training):
+        return f"no log moves the axis by more than {MOVED_STEPS:g} encoder steps: record a motion"
     return ""
 
 
@@ -251,6 +255,7 @@ def _empty(session: Session, verdict: str) -> DiagnosisResult:
         cannot_tell=session.cannot_tell,
         kind=session.kind,
         travel_per_unit=session.travel_per_unit,
+        force_constant=session.stage.motor.force_constant,
         travel_unit=session.travel_unit,
         judged_on=HELD_OUT if any(log.held_out for log in session.logs) else UNFITTED,
     )

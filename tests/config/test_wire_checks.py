@@ -56,6 +56,15 @@ def test_an_interface_reaches_another_process(interface: str, channel: str, key:
     assert problems == ([(f"drive.wire.{key}", kind)] if kind else [])
 
 
+@pytest.mark.parametrize("name", ["command", "current"])
+def test_a_count_of_the_torque_is_a_thousandth_of_the_rated_current(tmp_path: Path, name: str) -> None:
+    text = movable((CONFIG / "ball-screw.yaml").read_text())
+    place = tmp_path / "stage.yaml"
+    place.write_text(text.replace(f"{name}_scale: 4 mA", f"{name}_scale: 1 mA"))
+    with refused(ConfigError, kind=ProblemKind.CONFLICT, key=f"drive.wire.{name}_scale", value="1 mA"):
+        load_stage(place)
+
+
 def test_the_line_to_an_odrive() -> None:
     wire = Odrive("/dev/ttyACM0", 0.72)
     assert list(slow_odrive(wire, 0.01)) == []

@@ -220,6 +220,7 @@ def test_the_unknown_is_written_on_request_only() -> None:
         (found("effects", effects=(ASYMMETRY, COGGING._replace(fields=(("mechanics.bias", 0.5),)))),
          "mechanics.bias", 0.5),
         (FOUND["effects"]._replace(travel_per_unit=0.001), "axis.lead", pytest.approx(0.012 / (2.0 * math.pi))),
+        (FOUND["effects"]._replace(force_constant=0.36), "motor.force_constant", 0.72),
         (FOUND["foreign"], "axis.kind", "rotary"),
         (naming(("mechanics.bias", math.nan)), "mechanics.bias", pytest.approx(math.nan, nan_ok=True)),
     ],

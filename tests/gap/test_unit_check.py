@@ -44,6 +44,11 @@ def test_another_machine_of_the_kind_is_not(tmp_path: Path, rows: np.ndarray, sc
     check_units(load([log], load_stage(STAGE)))
 
 
+def test_an_axis_at_rest_identifies_nothing(tmp_path: Path, rows: np.ndarray) -> None:
+    log = _log(tmp_path, rows * (1.0, 0.0, 0.0), "time_s,position_rad,current_A")
+    assert sc.diagnose(log, stage=STAGE).verdict == "not-identifiable"
+
+
 def test_a_header_of_ours_beside_one_in_another_unit(tmp_path: Path, rows: np.ndarray) -> None:
     """The position as our own export names it, the current in mA: both are read."""
     log = _log(tmp_path, rows * (1.0, 1.0, 1e3), "time_s,measured_rad,measured_current_mA")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stagectl.gap.logs.session import Log, LogError, Session
 from stagectl.recording import wrong_units
 from stagectl.recording.wrong_units import Mistake
@@ -17,7 +19,7 @@ def check_units(session: Session) -> None:
 
 def _mistake(session: Session, log: Log) -> Mistake | None:
     current, rows = log.command if log.current is None else log.current, log.valid
-    if current is None:
+    if current is None or not np.ptp(log.position[rows]):
         return None
     moved = wrong_units.motion(log.position[rows], current[rows], session.dt)
     return wrong_units.likely_mistake(moved, session.stage)

@@ -145,6 +145,7 @@ class DiagnosisResult(NamedTuple):
     cannot_tell: tuple[str, ...] = ()
     kind: str = "rotary"
     travel_per_unit: float = 1.0
+    force_constant: float = 0.0  # N m/A | N/A, of the nominal model; 0: not known
     travel_unit: str = "m"
     seconds: tuple[tuple[str, float], ...] = ()  # of each step
     reason: str = ""  # a sentence: the fault of the controller, or why nothing is identifiable

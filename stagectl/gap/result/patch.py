@@ -74,7 +74,10 @@ def patch_of(
     """
     chosen, omitted = parts(result, only, unknown)
     text = read_text(source) if text is None else text
-    check_machine(result, load_stage(source, designed=False, text=text).file.axis, source)
+    file = load_stage(source, designed=False, text=text).file
+    check_machine(result, file.axis, source)
+    if not any(place == "motor.force_constant" for part in chosen for place, _ in part.fields):
+        _check_motor(result, file.motor.force_constant, source)
     patch = patch_with(merged(chosen), source, text)
     reasons = (f"{part.name}: {part.reason}" for part in chosen)
     return patch._replace(comments=(*reasons, *patch.comments, *omitted))
@@ -103,6 +106,17 @@ def check_machine(result: DiagnosisResult, axis: Axis, source: Path) -> None:
             f"{result.travel_per_unit:.6g} m: {hint}",
             "axis.lead",
             axis.travel_per_unit,
+        )
+
+
+def _check_motor(result: DiagnosisResult, constant: float, source: Path) -> None:
+    """Raise PatchError where all efforts of the diagnosis are those of another motor."""
+    if result.force_constant and abs(constant / result.force_constant - 1.0) > _SAME:
+        raise PatchError(
+            f"{source}: motor.force_constant = {constant:.6g}; the diagnosis is of a motor with "
+            f"{result.force_constant:.6g} (SI): give the diagnosed machine's stage file, or diagnose again with this one",
+            "motor.force_constant",
+            constant,
         )
 
 

@@ -24,7 +24,7 @@ _KEYS = (
 )
 _GROUPS: Mapping[str, tuple[str, ...]] = {  # fields of the diagnosis that are one object
     "where": ("blocks", "parts", "impossible", "coordinates", "captures"),
-    "axis": ("kind", "travel_per_unit", "travel_unit"),
+    "axis": ("kind", "travel_per_unit", "travel_unit", "force_constant"),
 }
 
 Json = dict[str, Any]
