@@ -110,7 +110,7 @@ def _order(what: str, words: str, verb: str = "") -> Callable[..., None]:
 
 enable = _order("enable", "Switch power on; the axis holds its position.")
 disable = _order("disable", "Stop, and switch power off.")
-home = _order("home", "Find the home position by the method in the stage file's `homing`.")
+home = _order("home", "Find home by the method in the stage file's `homing`; without one, take the position as right.")
 
 
 def move(

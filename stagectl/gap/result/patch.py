@@ -114,7 +114,7 @@ def _check_motor(result: DiagnosisResult, constant: float, source: Path) -> None
     if result.force_constant and abs(constant / result.force_constant - 1.0) > _SAME:
         raise PatchError(
             f"{source}: motor.force_constant = {constant:.6g}; the diagnosis is of a motor with "
-            f"{result.force_constant:.6g} (SI): give the diagnosed machine's stage file, or diagnose again with this one",
+            f"{result.force_constant:.6g} (SI): give the diagnosed machine's stage file, or diagnose again with it",
             "motor.force_constant",
             constant,
         )
