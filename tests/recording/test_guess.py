@@ -81,6 +81,16 @@ def test_what_is_not_sure_is_asked_for(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.column("measured_current"), made["current"], rtol=1e-9)
 
 
+def test_a_current_is_no_position(tmp_path: Path) -> None:
+    """A log of time and current alone is refused, until the user says that the column is a position."""
+    made = damage.motion()
+    path = written(tmp_path, {"t": made["time"], "i": made["current"]}, "time_s,measured_current_A")
+    with refused(RecordingError, kind=ProblemKind.MISSING, column="position"):
+        guess(path, UNKNOWN)
+    (imported,) = import_log(path, None, {"position": "2:mm"}, UNKNOWN, unsure=False)
+    assert np.ptp(imported.recording.column("measured")) == pytest.approx(1e-3 * np.ptp(made["current"]), rel=1e-6)
+
+
 def test_without_a_time_nothing_is_guessed(tmp_path: Path) -> None:
     noise = np.random.default_rng(6).normal(size=(2, 200))
     path = written(tmp_path, {"a": noise[0], "b": noise[1]})

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -60,8 +61,8 @@ class Guess(NamedTuple):
         return min(part.sure for part in self.columns)
 
 
-def guess(path: Path, known: Known) -> Guess:
-    """What the columns of the log at `path` are.
+def guess(path: Path, known: Known, named: Collection[str] = ()) -> Guess:
+    """What the columns of the log at `path` are; the user names the columns of the quantities `named`.
 
     Raises RecordingError where there is no time, or nothing that moves.
     """
@@ -76,8 +77,23 @@ def guess(path: Path, known: Known) -> Guess:
     if not others:
         reason = f"{path} has no column that varies besides the time; say which is the position: --columns position=..."
         raise RecordingError(reason, path, ProblemKind.MISSING, column="position")
+    if not {"position", "velocity"} & set(named):
+        _check_moves(others, path)
     parts, scales, notes = _of_motion(others, seconds, known)
     return Guess((_part("time", time, unit), *parts), scales, tuple(notes))
+
+
+def _check_moves(columns: list[Column], path: Path) -> None:
+    """Refuse a log in which every column is named a current or a force.  Raises RecordingError."""
+    if not all(roles.hinted(column, "effort") for column in columns):
+        return
+    one = columns[0]
+    what = f"column {one.name} ({one.words})" if one.name.isdecimal() else one.name
+    reason = (
+        f"{path}: no column can be a position: {what} is a current or a force; name one: --columns position=N:mm, or "
+        "record a position with it"
+    )
+    raise RecordingError(reason, path, ProblemKind.MISSING, column="position")
 
 
 def _part(quantity: str, role: Role, unit: Unit, turned: bool = False) -> GuessedColumn:

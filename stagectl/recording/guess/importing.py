@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -9,6 +10,7 @@ from typing import NamedTuple
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
 from stagectl.recording import constants
+from stagectl.recording.columns import choices, scales_by_unit
 from stagectl.recording.guess.guess import Guess, GuessedColumn, Known, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import read
@@ -53,9 +55,11 @@ def _complete(words: Mapping[str, str] | None) -> bool:
 
 
 def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
-    taken = guess(path, known)
+    taken = guess(path, known, words)
     if setup is not None:
         taken = taken._replace(scales=scales_of_stage(setup), notes=())
+    else:
+        taken = taken._replace(scales=_of_kind(taken.scales, words, path))
     taken = taken._replace(columns=tuple(part for part in taken.columns if part.quantity not in words))
     if taken.columns and taken.sure < constants.LEAST_SURE and not unsure:
         raise _not_sure(path, taken)
@@ -63,6 +67,15 @@ def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: K
     recording.meta["notes"] = [*map(line, taken.columns), *taken.notes, *recording.meta["notes"]]
     recording.meta.setdefault("nominal", _nominal(path.stem, taken.scales))
     return Imported(recording, taken)
+
+
+def _of_kind(scales: Scales, words: Mapping[str, str], path: Path) -> Scales:
+    """The guessed scales, on the kind of axis that the unit of a named position tells."""
+    named = [choice.unit for choice in choices(words) if choice.quantity == "position"]
+    with contextlib.suppress(RecordingError):  # a unit such as counts tells nothing
+        known = scales_by_unit(named, path)
+        return scales._replace(kind=known.kind, travel_unit=known.travel_unit)
+    return scales
 
 
 def line(part: GuessedColumn) -> str:
