@@ -19,13 +19,14 @@ from stagectl.api.stage import StageLike, as_stage
 from stagectl.evaluation import evaluate, tracking_error
 from stagectl.extras import require
 from stagectl.kernels import rollout
-from stagectl.problem import ProblemKind
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, quantities, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+_ENDINGS = (".h5", ".csv", ".parquet", ".mat", ".mcap")  # that a record can be saved with
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -123,6 +124,9 @@ class MotionRecord(PrintedResult):
             what = "is a folder" if target.is_dir() else "has no ending"
             reason = f"{target} {what}: give a file such as {target / 'run.h5' if target.is_dir() else f'{target}.h5'}"
             raise RecordingError(reason, target, ProblemKind.FILE)
+        if target.suffix not in _ENDINGS:
+            problem = Problem("", ProblemKind.VALUE, f"ending of {target}", target.suffix, choices=_ENDINGS)
+            raise RecordingError(problem._replace(file=target))
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.suffix == ".h5":
             save(target, self.recording.meta, self.samples, self.recording.ended, self.recording.complete)

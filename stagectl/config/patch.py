@@ -70,6 +70,9 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
     Raises ConfigError where another file of that name is there, the result would be refused, or would not be read back
     as it was meant; `target` is then as it was.
     """
+    if target != source and target.suffix not in (".yaml", ".yml"):
+        reason = f"{target} does not end in .yaml, as a stage file does"
+        raise ConfigError(Problem(reason, ProblemKind.FILE, remedy=f"take -o {target}.yaml", file=target))
     if target.exists() and not target.samefile(source):
         reason = f"{target} exists: choose another name, or patch that file by naming it as the stage file"
         raise ConfigError(Problem(reason, ProblemKind.CONFLICT))

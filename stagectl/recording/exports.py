@@ -23,6 +23,7 @@ from stagectl.kernels.law import Setpoint
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import mcap_log
 from stagectl.recording.constants import AT_REST, RUN
+from stagectl.recording.export_targets import targets
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.metadata import flat
 from stagectl.recording.nominal_yaml import nominal_of
@@ -62,14 +63,8 @@ def export(recordings: list[Recording], to: str, path: Path | None) -> list[Expo
         if path is None:
             check_replaceable(recordings[0].path.with_suffix("") / "captures.yaml", "")
         return [write_folder(recordings, path or recordings[0].path.with_suffix(""))]
-    if path is not None and len(recordings) > 1:
-        reason = f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder"
-        raise RecordingError(reason, path, ProblemKind.CONFLICT)
-    suffix = ".yaml" if to == "trajectory" else f".{to}"
-    targets = [path or recording.path.with_suffix(suffix) for recording in recordings]
-    for target in targets:  # under a name that nobody typed may be what somebody has written
-        check_replaceable(target, _MARKS[to] if path else "")
-    return [_write(to, recording, target) for recording, target in zip(recordings, targets, strict=True)]
+    found = targets(recordings, to, path)
+    return [_write(to, recording, target) for recording, target in zip(recordings, found, strict=True)]
 
 
 def _write(to: str, recording: Recording, path: Path) -> Exported:
@@ -178,14 +173,6 @@ WRITERS: dict[str, Callable[[Recording, Path], list[str]]] = {
     "mat": write_mat,
     "mcap": write_mcap,
     "trajectory": write_trajectory,
-}
-# What stands in the beginning of each.
-_MARKS = {
-    "csv": "time_s",
-    "parquet": "PAR1",
-    "mat": "MATLAB 5.0 MAT-file",
-    "mcap": "MCAP0",
-    "trajectory": "# The reference of ",
 }
 FOLDER = "folder"
 FORMATS = (*WRITERS, FOLDER)

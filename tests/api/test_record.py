@@ -16,8 +16,10 @@ from stagectl.api.record import MotionRecord, RecordFolder
 from stagectl.api.result import MissingPackageError
 from stagectl.api.stage import DesignedStage
 from stagectl.extras import MissingExtraError
+from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
 from tests.identification.synthetic import motion, write_csv
+from tests.problems import refused
 
 
 class Frame(dict[str, Any]):
@@ -77,7 +79,8 @@ def test_saved_it_is_read_again(run: MotionRecord) -> None:
     assert again.samples.tobytes() == run.samples.tobytes()
     assert again.summary["tracking_error"] == run.summary["tracking_error"]
     assert run.save("run.csv").read_text().startswith("time_s,")
-    with pytest.raises(RecordingError):
+    endings = (".h5", ".csv", ".parquet", ".mat", ".mcap")
+    with refused(RecordingError, kind=ProblemKind.VALUE, value=".docx", choices=endings):
         run.save("run.docx")
 
 

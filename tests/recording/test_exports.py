@@ -292,6 +292,10 @@ def test_what_cannot_be_exported_is_refused(sine: Recording, tmp_path: Path) -> 
         export([sine], "xls", None)
     with refused(RecordingError, kind=ProblemKind.MISSING, file=sine.path):
         export([sine._replace(samples=sine.samples[:0])], "csv", None)
+    for to, name in (("csv", "x.parquet"), ("mat", "x.csv"), ("csv", "x.h5")):
+        with refused(RecordingError, kind=ProblemKind.CONFLICT, file=tmp_path / name):
+            export([sine], to, tmp_path / name)
+        assert not (tmp_path / name).exists()
     (tmp_path / "file").write_text("")
     for to in ("csv", "folder"):
         with refused(RecordingError, kind=ProblemKind.FILE):

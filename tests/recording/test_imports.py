@@ -14,6 +14,7 @@ from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.problem import ProblemKind
 from stagectl.recording.columns import split
+from stagectl.recording.export_targets import SUFFIXES
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording
 from stagectl.recording.imports import read, store
@@ -228,7 +229,7 @@ def test_an_import_is_a_recording(tmp_path: Path) -> None:
     assert stored.meta["source"]["sha256"] == hashlib.sha256((tmp_path / "log.csv").read_bytes()).hexdigest()
     np.testing.assert_array_equal(stored.samples, recording.samples)
     for to in ("csv", "parquet", "mat", "trajectory", "folder"):
-        export([stored], to, tmp_path / to / "log.csv")
+        export([stored], to, tmp_path / to / f"log{SUFFIXES.get(to, '.csv')}")
     (back,) = read(tmp_path / "csv" / "log.csv")
     np.testing.assert_array_equal(back.samples, recording.samples)
     (back,) = read(tmp_path / "folder" / "log.csv")  # a folder of this name

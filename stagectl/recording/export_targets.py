@@ -1,0 +1,47 @@
+"""Where an export goes, and which file it may replace."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stagectl.problem import Problem, ProblemKind
+from stagectl.recording.hdf5 import Recording, RecordingError
+from stagectl.replacing import check_replaceable
+
+SUFFIXES = {"csv": ".csv", "parquet": ".parquet", "mat": ".mat", "mcap": ".mcap", "trajectory": ".yaml"}
+# What stands in the beginning of each.
+_MARKS = {
+    "csv": "time_s",
+    "parquet": "PAR1",
+    "mat": "MATLAB 5.0 MAT-file",
+    "mcap": "MCAP0",
+    "trajectory": "# The reference of ",
+}
+
+
+def targets(recordings: list[Recording], to: str, path: Path | None) -> list[Path]:
+    """The file of each recording, next to it where no `path` is given.
+
+    Raises RecordingError where one path cannot take them, StageError where it would replace what is no such export.
+    """
+    if path is not None and len(recordings) > 1:
+        reason = f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder"
+        raise RecordingError(reason, path, ProblemKind.CONFLICT)
+    if path is not None:
+        _check_suffix(path, to)
+    found = [path or recording.path.with_suffix(SUFFIXES[to]) for recording in recordings]
+    for target in found:  # under a name that nobody typed may be what somebody has written
+        check_replaceable(target, _MARKS[to] if path else "")
+    return found
+
+
+def _check_suffix(path: Path, to: str) -> None:
+    """Refuse a name that promises another format.  Raises RecordingError."""
+    suffix = path.suffix.lower()
+    others = {ending: name for name, ending in SUFFIXES.items() if name != to}
+    if suffix not in {*others, ".h5"}:
+        return
+    own = SUFFIXES[to]
+    other = f", or --to {others[suffix]}" if suffix in others else ""
+    problem = Problem(f"{path}: --to {to} writes {own}", ProblemKind.CONFLICT, file=path)
+    raise RecordingError(problem._replace(remedy=f"take -o {path.with_suffix(own)}{other}"))
