@@ -43,6 +43,24 @@ def check_duration(duration: float, dt: float, most: int) -> None:
         raise LimitError(_unmoved(problem, "run fewer periods or cycles at a time"), duration, longest)
 
 
+def check_noticeable(setup: Setup, reference: NDArray[np.float64], duration: float) -> None:
+    """Refuse a motion that no encoder or cycle sees, by its `reference` (n,) rad | m: its unit is mistaken.
+
+    Raises LimitError; a dwell passes.
+    """
+    axis, count, dt = setup.file.axis, setup.file.encoder.one_count, setup.dt
+    span = float(np.ptp(reference))
+    remedy = "check the unit"
+    if 0.0 < span < count:
+        moved, least = span * axis.travel_per_unit, count * axis.travel_per_unit
+        reason = f"the motion covers {moved:.3g} {axis.travel_unit}, and one encoder count is {least:.4g}"
+        problem = Problem(reason, ProblemKind.LIMIT, unit=axis.travel_unit)
+        raise LimitError(_unmoved(problem, remedy), moved, least)
+    if duration < dt:
+        reason = f"the motion lasts {duration:.3g} s, and control.period is {dt:g}"
+        raise LimitError(_unmoved(Problem(reason, ProblemKind.LIMIT, unit="s"), remedy), duration, dt)
+
+
 def check_current(setup: Setup, amplitude: float) -> None:
     """Refuse an injected current of this `amplitude` (A) above the drive's limit.  Raises LimitError."""
     limit = setup.file.drive.current_limit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ from hypothesis import strategies as st
 from stagectl import design
 from stagectl import plan as plans
 from stagectl.config.stage_file import Setup
+from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels import law
 from stagectl.motion_limits import LimitError
 from stagectl.plan import LONGEST, SETTLE, Plan, command_delay, foresee, plan
 from stagectl.problem import ProblemKind
-from stagectl.trajectories import Dwell, Recorded, Sequence, Sine, Trajectory, TrajectoryError, Trapezoid
-from tests.conftest import varied
+from stagectl.trajectories import Dwell, Experiment, Recorded, Sequence, Sine, Trajectory, TrajectoryError, Trapezoid
+from stagectl.workflows.motion import Commanded, lay_out
+from tests.conftest import CONFIG, varied
 from tests.problems import refused
 
 PER_METRE = 2.0 * math.pi / 0.012
@@ -104,6 +107,20 @@ def test_what_no_memory_holds_is_refused_at_once(ball_screw: Setup) -> None:
     assert LONGEST * 5e-4 == 5000.0
     with refused(LimitError, key="duration", value="86400 s", needed=86400.0, allowed=5000.0):
         planned(ball_screw, Dwell(86400.0))
+
+
+def test_what_no_encoder_sees_is_a_mistaken_unit(ball_screw: Setup) -> None:
+    """1e-6 um instead of 1e-6 m; the sine of 2 um stays good."""
+
+    def laid(motion: Experiment) -> None:
+        lay_out(ball_screw, Commanded("a.yaml", "", motion), frozenset(), Path("a.h5"))
+
+    laid(load_trajectory(CONFIG / "trajectories" / "sine-2um.yaml", axis_of(ball_screw)))
+    laid(Dwell(0.1))
+    with refused(LimitError, kind=ProblemKind.LIMIT, unit="m", allowed=pytest.approx(0.012 / 2**20, abs=0.0)):
+        laid(Sine(1e-9, 1.6, 2.0, 1.0))
+    with refused(LimitError, kind=ProblemKind.LIMIT, unit="s", allowed=5e-4):
+        laid(Trapezoid(1e-12, 0.2, 4.0))
 
 
 def test_parts_add_up_before_they_are_compared(ball_screw: Setup) -> None:

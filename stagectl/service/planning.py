@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels.feedforward import Feedforward
-from stagectl.motion_limits import check_duration
+from stagectl.motion_limits import check_duration, check_noticeable
 from stagectl.plan import Plan, Start, plan
 from stagectl.problem import Problem
 from stagectl.service.limits import PLANNED_ROWS
@@ -71,6 +71,8 @@ def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
     start = task.start.copy()
     laid_out = plan(setup, trajectory, task.feedforward, start)
     rows = np.ascontiguousarray(laid_out.setpoints)
+    if isinstance(task.trajectory, Upload):  # an order may move less, to where the axis nearly is
+        check_noticeable(setup, rows[:, 0], laid_out.duration)
     span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
     left = start._replace(effects=laid_out.effects)
     return Motion(task.name, b"", len(rows), span, left, _limited(task, laid_out)), rows

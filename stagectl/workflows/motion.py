@@ -24,6 +24,7 @@ from stagectl.drives.drive import Canopen, Fault, accepted
 from stagectl.evaluation import evaluate
 from stagectl.gap.effects.library import left_out
 from stagectl.kernels.law import Setpoint
+from stagectl.motion_limits import check_noticeable
 from stagectl.plan import Plan, Start, plan
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.file_lock import sweep
@@ -74,6 +75,7 @@ def lay_out(
     effects = without - frozenset(get_args(Layer))
     known = setup._replace(stage=left_out(setup.stage, effects)) if effects else setup
     laid_out = plan(known, commanded.experiment, controller.feedforward, Start(clock=clock))
+    check_noticeable(known, laid_out.setpoints[:, 0], laid_out.duration)
 
     def located(position: float) -> Plan:
         return plan(known, commanded.experiment, controller.feedforward, Start(position, clock=clock))
