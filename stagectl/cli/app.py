@@ -238,7 +238,8 @@ def _with_next(error: StageError) -> str:
     problem = error.problems[-1]
     file = problem.file if isinstance(error, ConfigError) and problem.line else None
     if file is None or file.suffix not in (".yaml", ".yml"):
-        return f"{error.problems[0]}{_OTHER_FILE}" if file else str(error)
+        named = file is None or (file.suffix == ".csv" and str(file) not in sys.argv)  # by a trajectory
+        return str(error) if named else f"{error.problems[0]}{_OTHER_FILE}"
     exchanged = any(one.reason.startswith("belongs to a ") for one in error.problems)  # else it is wrong on this axis
     if exchanged and (kind := configuration.kind(file)):
         other = "stage" if kind == "trajectory" else "trajectory"

@@ -147,6 +147,10 @@ def columns(header: Sequence[str]) -> Columns:
     Raises TrajectoryError where one of them is missing or there are two of a kind.
     """
     names = [name.strip() for name in header]
+    if len(names) == 1 and ";" in names[0]:
+        reason = "the columns are separated by `;`, and a trajectory needs `,` and decimal points"
+        remedy = "write the file with them, or import it: `stagectl import`"
+        raise TrajectoryError(Problem(reason, ProblemKind.SYNTAX, remedy=remedy))
     positions = [match for match in map(_POSITION.fullmatch, names) if match]
     wanted = [match for match in positions if match[1] == "reference"] or positions
     if names.count("time_s") != 1 or len(wanted) != 1:
