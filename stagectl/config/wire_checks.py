@@ -70,14 +70,23 @@ def _objects(wire: Canopen, path: Path) -> Iterator[Problem]:
     if not _exists(eds_path(wire.eds, path)):
         reason = f"no such file; the path is relative to {path.parent}"
         yield Problem(reason, ProblemKind.FILE, "drive.wire.eds", wire.eds)
-    yield from _pdo("drive.wire.rpdo", wire.rpdo, wire.command_object)
-    yield from _pdo("drive.wire.tpdo", wire.tpdo, wire.current_object)
+    yield from _pdo("drive.wire.rpdo", wire.rpdo, "drive.wire.command_object", wire.command_object)
+    yield from _pdo("drive.wire.tpdo", wire.tpdo, "drive.wire.current_object", wire.current_object)
 
 
-def _pdo(key: str, objects: tuple[int, ...], needed: int) -> Iterator[Problem]:
+def _no_object(key: str, number: int) -> Problem:
+    """Why a number is no object; one without 0x was meant as an index."""
+    near = int(str(number), 16) << 8
+    remedy = f"write 0x{near >> 8:04x}_00" if FIRST_OBJECT <= near <= LAST_OBJECT else ""
+    return Problem("an object is hexadecimal with its subindex", _RANGE, key, str(number), remedy=remedy)
+
+
+def _pdo(key: str, objects: tuple[int, ...], cycle_key: str, needed: int) -> Iterator[Problem]:
     unusable = [number for number in objects if not FIRST_OBJECT <= number <= LAST_OBJECT]
     if unusable:
         yield Problem("must be an index with its subindex, such as 0x6040_00", _RANGE, key, f"{unusable[0]:#x}")
+    elif needed and not FIRST_OBJECT <= needed <= LAST_OBJECT:
+        yield _no_object(cycle_key, needed)
     elif needed and needed not in objects:
         reason = f"must hold the object 0x{needed >> 8:04x}_{needed & 0xFF:02x} that the cycle uses"
         yield Problem(reason, _CONFLICT, key)

@@ -77,6 +77,7 @@ def test_the_line_to_an_odrive() -> None:
     ("old", "new", "kind", "key"),
     [
         ("command_object: 0x6071_00", "command_object: 0x6071_00\n    rpdo: [5]", ProblemKind.RANGE, "rpdo"),
+        ("command_object: 0x6071_00", "command_object: 6071", ProblemKind.RANGE, "command_object"),
         ("heartbeat_timeout: 500 ms", "heartbeat_timeout: 50 ms", ProblemKind.CONFLICT, "heartbeat_timeout"),
         ("rpdo_timeout: 500 ms", "rpdo_timeout: 0.4 ms", ProblemKind.CONFLICT, "rpdo_timeout"),
     ],
