@@ -32,7 +32,7 @@ CHOICES = ("time", "position", "velocity", "current", "command", "reference", "i
 _HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z][A-Za-z .*·]*))?")
 _BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
-EXAMPLE = "--columns time=1,position=2:mm,current=14"
+EXAMPLE = "--columns time=1,position=2:mm,current=3"
 # Notes of a recording about columns that its log does not have.
 WITHOUT = {
     "reference": "no reference: it has neither a tracking error nor a trajectory",
@@ -118,9 +118,9 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
             return Scales(ROTARY, travel_unit="rad")
         if unit in ("m", "mm", "um", "nm"):
             return Scales(LINEAR)
-    what = f"a position in {known[0]}" if known else "no column position_<unit>"
+    what = f" from a position in {known[0]}" if known else ": no column is named position_<unit>"
     reason = (
-        f"{path}: the kind of the axis is not known from {what}; give --stage, or a position in rad, deg, m or mm, or "
+        f"{path}: the kind of the axis is not known{what}; give --stage, or a position in rad, deg, m or mm, or "
         "write nominal.yaml next to it"
     )
     raise RecordingError(reason, path, ProblemKind.UNIT)

@@ -18,7 +18,7 @@ from stagectl import paired_comparison
 from stagectl.compensation.forms import FORMS, named
 from stagectl.config.stage_file import Setup
 from stagectl.design import Layer
-from stagectl.problem import nearest
+from stagectl.problem import Problem, ProblemKind, nearest
 from stagectl.recording.learned_current import Learned, LearnedError, check, load, save
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.typed_json import plain
@@ -55,6 +55,10 @@ def laid_out(setup: Setup, trajectory: Commanded, names: Sequence[str], folder: 
     """
     layers = {name: chosen(name) for name in names}
     if len(set(map(frozenset, layers.values()))) < max(2, len(names)):
+        if not names:
+            raise TrialError(
+                Problem("name at least two variants, such as 'off', 'ptc'", ProblemKind.MISSING, "variants")
+            )
         raise TrialError(f"{' '.join(names)}: at least two variants, each once; for example off ptc ptc+friction")
     return {name: _laid_out(setup, trajectory, layers[name], folder) for name in names}
 

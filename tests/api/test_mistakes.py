@@ -36,6 +36,7 @@ MISTAKES = {
     "letters": (lambda s: sc_.identify(s, "x.h5", compensators="table"), "must be a list of text"),
     "record": (lambda s: sc_.diagnose([s]), "session of type list; must be a path or a list of them"),
     "repeats": (lambda s: sc_.compare(s, SINE, "off", "ptc", repeats=0), "repeats 0; must lie in [1, inf)"),
+    "no variants": (lambda s: sc_.compare(s, SINE), "name at least two variants, such as 'off', 'ptc'"),
     "columns": (lambda s: sc_.load_log("x.csv", {"time": 0}), "must be a dict of text or text"),
     "none": (lambda s: s.changed({"mechanics.inertia": None}), "mechanics.inertia = None; must be a single value"),
     "array": (lambda s: s.changed({"mechanics.inertia": np.ones(2)}), "must be a single value"),
