@@ -211,13 +211,21 @@ fault.command("reset")(_order("faults/reset", _RESET, "fault reset"))
 def _places(target: list[str]) -> dict[str, str]:
     """The positions by their axes, "" where none is named.  Raises StageError where an axis has two."""
     places: dict[str, str] = {}
-    for text in target:
-        name, _, value = (part.strip() for part in text.rpartition("="))
+    for before, text in zip(["", *target], target, strict=False):
+        name, equals, value = (part.strip() for part in text.rpartition("="))
+        if before and not equals and value.isalpha():
+            raise StageError(_parted(before, value))
         if name in places:
             twice = f"POSITION is given twice for {f'axis {name}' if name else 'one axis'}: {places[name]}, {value}"
             raise StageError(Problem(f"{twice}; nothing has moved", ProblemKind.REPEATED))
         places[name] = value
     return places
+
+
+def _parted(number: str, unit: str) -> Problem:
+    """A number and its unit that the shell has taken apart."""
+    reason = f"{number} and {unit} are two arguments"
+    return Problem(reason, ProblemKind.SYNTAX, remedy=f'write `stagectl move "{number} {unit}"`')
 
 
 def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] | None = None) -> None:

@@ -64,6 +64,8 @@ def compose(path: Path, text: str | None = None) -> yaml.Node:
         raise malformed(path, f"not usable as YAML: {type(error).__name__} while parsing") from error
     if node is None:
         raise malformed(path, "the file is empty; must have `key: value` lines")
+    if isinstance(node, yaml.ScalarNode) and (glued := _GLUED.search(text)):
+        raise _no_blank(path, text, glued)
     return node
 
 
@@ -116,6 +118,8 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if raw.startswith(b"\x89HDF"):
+            raise malformed(path, "it is a recording: see `stagectl report`") from error
         line = raw.count(b"\n", 0, error.start) + 1
         raise malformed(
             path, f"not UTF-8 text: byte {error.start} is {raw[error.start]:#04x}; save it as UTF-8", line
@@ -147,8 +151,7 @@ def _syntax_error(path: Path, text: str, error: yaml.YAMLError) -> ConfigError:
     if isinstance(error, yaml.reader.ReaderError):
         return _forbidden(path, text, error.position)
     if glued := _GLUED.search(text):
-        line = text.count("\n", 0, glued.start(1)) + 1
-        return malformed(path, f"a blank after the colon is missing: write '{glued[1]} {glued[2]}'", line)
+        return _no_blank(path, text, glued)
     mark = getattr(error, "problem_mark", None)
     reason = getattr(error, "problem", None) or "not YAML"
     advice = "check indentation, quotes and colons around this line"
@@ -159,6 +162,11 @@ def _syntax_error(path: Path, text: str, error: yaml.YAMLError) -> ConfigError:
     if "'\\t'" in reason:
         reason, advice = "a tab", "YAML indents with spaces: replace each tab by two"
     return malformed(path, f"{reason}; {advice}", mark.line + 1 if mark is not None else 1)
+
+
+def _no_blank(path: Path, text: str, glued: re.Match[str]) -> ConfigError:
+    line = text.count("\n", 0, glued.start(1)) + 1
+    return malformed(path, f"a blank after the colon is missing: write '{glued[1]} {glued[2]}'", line)
 
 
 def _forbidden(path: Path, text: str, position: int) -> ConfigError:

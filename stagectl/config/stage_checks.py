@@ -17,7 +17,7 @@ from stagectl.config.wire_checks import wire_conflicts
 from stagectl.drives.drive import Canopen
 from stagectl.kernels.effects import TURN
 from stagectl.kernels.stage import Stage, sliding
-from stagectl.number_format import duration
+from stagectl.number_format import duration, length
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
 
@@ -153,9 +153,10 @@ def _residual(file: StageFile) -> Iterator[Problem]:
 def _friction(file: StageFile) -> Iterator[Problem]:
     law = file.friction
     if isinstance(law, Rolling) and not law.shortest <= law.longest <= WIDEST_SLIPS * law.shortest:
-        unit = "m" if file.axis.kind == LINEAR else "rad"
-        reason = f"must be 1 to {WIDEST_SLIPS:g} times friction.shortest, {law.shortest:.4g} {unit}"
-        yield Problem(reason, _CONFLICT, "friction.longest", f"{law.longest:.4g} {unit}", unit)
+        unit, scale = file.axis.travel_unit, file.axis.travel_per_unit
+        shortest, longest = (length(slip * scale, unit) for slip in (law.shortest, law.longest))
+        reason = f"must be 1 to {WIDEST_SLIPS:g} times friction.shortest, {shortest}"
+        yield Problem(reason, _CONFLICT, "friction.longest", longest, unit)
     if isinstance(law, Operators):
         yield from _paired("friction", law, "weight", "slip")
 

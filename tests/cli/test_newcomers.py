@@ -193,6 +193,7 @@ MISTAKES = [
     (f"selftest {S} --report x.html/y", "x.html/y: a page ends in .html", 2),
     ("move -10mm", "stagectl move -- -10mm", 2),
     ("move 5mm 6mm", "given twice for one axis: 5mm, 6mm; nothing has moved", 2),
+    ("move 10 mm", 'two arguments: write `stagectl move "10 mm"`', 2),
     ("move x=1mm x=2mm", "given twice for axis x: 1mm, 2mm; nothing has moved", 2),
     ("config check list.yaml", "list.yaml:1", 1),
     ("replay empty.h5", "empty.h5 is empty", 2),

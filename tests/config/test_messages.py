@@ -184,7 +184,12 @@ MISTAKES = {
         value="[0.05, -0.05] m",
     ),
     "slips reversed": Mistake(
-        "longest: 9 um", "longest: 0.1 um", "longest", kind=Kind.CONFLICT, key="friction.longest"
+        "longest: 9 um",
+        "longest: 0.1 um",
+        "longest",
+        kind=Kind.CONFLICT,
+        key="friction.longest",
+        value="100 nm",
     ),
     "no EDS file": Mistake(
         "eds: drives/stagectl-virtual.eds",
