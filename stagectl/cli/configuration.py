@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -12,6 +12,9 @@ from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
+
+if TYPE_CHECKING:
+    from stagectl.config.stage_blocks import StageFile
 
 config = typer.Typer(help="Check configuration files, export their JSON schema.", no_args_is_help=True)
 
@@ -100,9 +103,17 @@ def _stage(path: Path) -> _Known:
         f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; "
         f"phase margin {phase:.1f} deg (at least {least:g}), gain margin {20 * math.log10(reached.gain):.1f} dB, "
         f"crossover {reached.crossover:.1f} Hz{watched} "
-        f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples})",
+        f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples}); {_protects(setup.file)}",
         tuple(filter(None, (design.limit_cycle_warning(setup.stage, control), stops_beyond(setup.file)))),
     )
+
+
+def _protects(file: StageFile) -> str:
+    """What protects the machine: ``travel -50 mm to 50 mm, 300 mm/s, 15 A``."""
+    unit, scale = ("mm", 1e3) if file.axis.travel_unit == "m" else ("rad", 1.0)
+    scale *= file.axis.travel_per_unit
+    low, high, speed = (f"{scale * value:g} {unit}" for value in (*file.limits.travel, file.limits.speed))
+    return f"travel {low} to {high}, {speed}/s, {file.drive.current_limit:g} A"
 
 
 @config.command()

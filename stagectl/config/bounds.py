@@ -17,6 +17,7 @@ MOST_PARTS = 1000  # trajectories within one trajectory file
 DEEPEST_PARTS = 40  # blocks within each other of a trajectory file, aliases expanded
 WIDEST_SLIPS = 1e6  # longest over shortest slip of a rolling friction; beyond, its stiffnesses cancel in a float
 DELAY_LINE = 7  # control periods of delay that the plant's kernel holds (`kernels.drive_effects`)
+SHORTEST_LEAD, LONGEST_LEAD = 1e-4, 1.0  # m a turn, from a fine screw to a belt's pulley: beyond, the unit is mistaken
 FIRST_OBJECT, LAST_OBJECT = 0x1000_00, 0xFFFF_FF  # index_subindex of CANopen objects; below are data types (CiA 301)
 # Target torque, actual torque and actual current, in thousandths of the rated ones (CiA 402-2), and the relative
 # difference of their scale that is none: a rounded value.

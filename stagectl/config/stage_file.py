@@ -10,11 +10,12 @@ import yaml
 
 from stagectl import design
 from stagectl.compensation import model_effects
+from stagectl.config.bounds import LONGEST_LEAD, SHORTEST_LEAD
 from stagectl.config.friction_laws import friction_of
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader
 from stagectl.config.machine_file import composed, load_axis
-from stagectl.config.source import entry_of, placed
+from stagectl.config.source import entry_of, node_at, placed
 from stagectl.config.stage_blocks import Axis, Residual, StageFile
 from stagectl.config.stage_checks import conflicts
 from stagectl.config.time_outs import with_time_outs
@@ -126,7 +127,18 @@ def _lengths(reader: Reader, root: yaml.Node) -> Lengths | None:
         return None
     before = len(reader.problems)
     axis = reader.value(Axis, entries["axis"], "axis")
+    if axis is not None and axis.lead and not SHORTEST_LEAD <= axis.lead <= LONGEST_LEAD:
+        node = node_at(root, "axis.lead")
+        reader.refuse(node, _mistaken(str(node.value)))
     return Lengths(axis.kind, axis.lead) if len(reader.problems) == before else None
+
+
+def _mistaken(lead: str) -> Problem:
+    """The problem of a `lead` that no screw or belt has; refused first, as it would shift every limit."""
+    interval = f"[{SHORTEST_LEAD:g}, {LONGEST_LEAD:g}]"
+    problem = Problem("", ProblemKind.RANGE, "axis.lead", lead, "m", interval)
+    shown = f"[{1e3 * SHORTEST_LEAD:g}, {1e3 * LONGEST_LEAD:g}] mm"
+    return problem._replace(admissible=shown, remedy="check the unit; 0 m where there is no lead")
 
 
 def _with_eds(file: StageFile, path: Path) -> StageFile:

@@ -26,6 +26,7 @@ def test_everything_that_is_shipped_is_good(command: Command) -> None:
     assert len(err.splitlines()) == len(axes) + len(MOTIONS)
     assert all(line.startswith("good") for line in err.splitlines())
     assert "ball-screw stage A, bandwidth 40 Hz at 0.5 ms; phase margin 25.8 deg (at least 20)" in err
+    assert "travel -50 mm to 50 mm, 300 mm/s, 15 A" in err
     assert "sine-0.8hz.yaml: trajectory of 5 s" in err  # 2 periods and 2 ramps at 0.8 Hz
 
 

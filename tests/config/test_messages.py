@@ -183,6 +183,9 @@ MISTAKES = {
         key="limits.travel",
         value="[0.05, -0.05] m",
     ),
+    "micrometres of lead": Mistake(
+        "lead: 12 mm", "lead: 12 um", "  lead:", kind=Kind.RANGE, key="axis.lead", value="12 um"
+    ),
     "slips reversed": Mistake(
         "longest: 9 um",
         "longest: 0.1 um",
