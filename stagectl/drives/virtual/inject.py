@@ -13,7 +13,6 @@ import json
 import re
 import select
 import socket
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -83,11 +82,8 @@ def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
 
     Raises InjectError where none listens there, or it refuses.
     """
-    with (
-        tempfile.TemporaryDirectory(prefix="stagectl-") as folder,
-        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ours,
-    ):
-        ours.bind(f"{folder}/answer")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ours:
+        ours.bind("")  # a name of the kernel's: one in a temporary folder may be too long
         try:
             with short_name(path) as name:
                 ours.connect(name)
