@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from stagectl.gap import diagnose
@@ -51,8 +52,9 @@ def test_shares_are_of_the_closable_gap_and_parameters_divide_theirs() -> None:
 
 
 def session(*logs: dict[str, Any]) -> Any:
-    plain = {"held_out": False, "command": 1, "current": 1}
-    return SimpleNamespace(logs=[SimpleNamespace(**{**plain, **log}) for log in logs])
+    plain = {"held_out": False, "command": 1, "current": 1, "position": np.array([0.0, 3e-6])}
+    stage = SimpleNamespace(encoder=SimpleNamespace(step=1e-6))
+    return SimpleNamespace(logs=[SimpleNamespace(**{**plain, **log}) for log in logs], stage=stage)
 
 
 @pytest.mark.parametrize(
@@ -60,6 +62,7 @@ def session(*logs: dict[str, Any]) -> Any:
     [
         ([{"held_out": True}], "use: diagnose"),
         ([{"command": None, "current": None}], "current"),
+        ([{"position": np.array([0.0, 2e-6])}], "record a motion"),
         ([{"command": None}], ""),
         ([{}, {"command": None, "current": None}], ""),
     ],
@@ -78,6 +81,7 @@ def test_effects_come_first_then_signatures_and_parameters() -> None:
 
 def test_a_wrong_controller_holds_the_whole_gap() -> None:
     said: dict[str, Any] = {"doubts": (), "notes": (), "cannot_tell": (), "logs": ()}
+    said["stage"] = SimpleNamespace(motor=SimpleNamespace(force_constant=35.0))
     empty: Any = SimpleNamespace(kind="linear", travel_per_unit=1.0, travel_unit="m", **said)
     result = diagnose._unsearched(empty, "controller", "the integral gain")
     assert (result.verdict, result.reason, result.blocks["controller"]) == ("controller", "the integral gain", 1.0)
