@@ -28,10 +28,8 @@ class LimitError(TrajectoryError):
 
     def __init__(self, problem: Problem, needed: float = math.nan, allowed: float = math.nan, *others: Problem) -> None:
         super().__init__(problem, *others)
-        self.needed, self.allowed = (
-            needed,
-            allowed,
-        )  # of the first problem, in its unit; of a travel downwards, its length
+        # Of the first problem, in its unit; of a travel downwards, its length.
+        self.needed, self.allowed = needed, allowed
 
 
 def check_duration(duration: float, dt: float, most: int) -> None:

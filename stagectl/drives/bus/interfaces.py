@@ -70,13 +70,7 @@ class PythonCan:
         try:
             line = {"channel": channel, "bitrate": round(bitrate), **_more(interface, channel)}
             self._bus: Any = can.Bus(interface=interface, **line)
-        except (
-            can.CanError,
-            ImportError,
-            OSError,
-            TypeError,
-            ValueError,
-        ) as error:  # its own arguments are none of ours
+        except (can.CanError, ImportError, OSError, TypeError, ValueError) as error:  # TypeError: arguments of its own
             raise BusError(
                 f"interface = {interface}, channel = {channel!r}: {error}; 'python -m can.viewer -i {interface}"
                 f" -c {channel}' shows whether python-can reaches it",
@@ -114,9 +108,7 @@ class PythonCan:
 
 def _more(interface: str, channel: str) -> dict[str, Any]:
     """What an interface takes beside channel and bit rate, or in their place."""
-    if (
-        interface == "slcan"
-    ):  # it reads its line with a time-out of its own, which a look at an empty queue would wait for
+    if interface == "slcan":  # it reads its line with a time-out, which a look at an empty queue would wait for
         return {"timeout": SLCAN_READ_TIME, "sleep_after_open": SLCAN_OPENING_TIME}
     if interface == "socketcand" and (place := offered(channel)):
         return {**place._asdict(), "bitrate": None, "tcp_tune": True}

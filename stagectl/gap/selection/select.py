@@ -138,14 +138,14 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     but for what would be missing without it.
     """
     left = linearised.excess(e, library, now)
-    lines = [valued for valued in now.effects if waves.is_wave(e, now, valued)]
-    others = [valued for valued in now.effects if valued not in lines]
+    lines = {valued.effect.name: wave for valued in now.effects if (wave := waves.wave(e, now, valued))}
+    others = [valued for valued in now.effects if valued.effect.name not in lines]
     small = (valued for valued in others if is_trace(valued) and not is_material(e, library, now, valued))
     if trace := next(small, None):
         return dropped(e, library, now, trace.effect.name, say)
     selection = Selection(now, left, {}, {}, {}, {})
-    for valued in lines:
-        _enter_line(e, library, selection, valued)
+    for name, wave in lines.items():
+        _enter_wave(e, library, selection, name, wave)
     empty: dict[str, float] = {}
     for valued in others:
         at = _in_the_place_of(e, library, now, valued)
@@ -204,12 +204,10 @@ def _enter(selection: Selection, at: Linearised, name: str) -> None:
     selection.rivals[name] = rivals
 
 
-def _enter_line(e: Evidence, library: Library, selection: Selection, valued: EffectValues) -> None:
+def _enter_wave(e: Evidence, library: Library, selection: Selection, name: str, wave: waves.Wave) -> None:
     """A wave of the position stands by its line: the evidence of all that is missing says little of it."""
-    name, now = valued.effect.name, selection.fitted
-    rest = linearised.excess(e, library, without(e, now, valued))
-    selection.probability[name] = waves.probability(e, now, valued)
-    selection.gains[name] = sum(rest) - sum(selection.left)
+    selection.probability[name] = wave.probability
+    selection.gains[name] = sum(linearised.excess(e, library, wave.rest)) - sum(selection.left)
     selection.alternatives[name], selection.rivals[name] = {}, {}
 
 

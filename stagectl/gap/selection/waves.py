@@ -6,6 +6,8 @@ position there is next to none of it: a line there is judged by the spectrum bes
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stagectl.gap.residuals import pitch_orders
@@ -19,6 +21,13 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 SINGLE, MAP = constants.WAVES
 
 
+class Wave(NamedTuple):
+    """An effect of the model that stands by its line."""
+
+    rest: Fitted  # the model without it, which has the line
+    probability: float  # that the line is none of noise
+
+
 def with_wave(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     """`now` with the wave at the highest line in what it lacks, and its multiples; None where none is high enough."""
     found = _lines(e, now)
@@ -29,23 +38,23 @@ def with_wave(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     wanted = MAP if any(_stands_out(found, multiple * order) for multiple in (2, 3, 4)) else SINGLE
     for form in library.forms:
         if form.effect.name == wanted and abs(form.shape["order"] - order) <= found.apart:
-            wave = EffectValues(form.effect, form.values(form.typical))
-            after = refine.refine(e, now.model, [*now.effects, wave])
+            after = refine.refine(e, now.model, [*now.effects, EffectValues(form.effect, form.values(form.typical))])
             return after if not _stands_out(_lines(e, after), order) else None
     return None
 
 
-def is_wave(e: Evidence, now: Fitted, valued: EffectValues) -> bool:
-    """Whether what is missing without the effect `valued` of `now` has a line at its order."""
+def wave(e: Evidence, now: Fitted, valued: EffectValues) -> Wave | None:
+    """The effect `valued` of `now` as a wave; None where what is missing without it has no line at its order.
+
+    The power of noise is distributed exponentially: half of it lies below its median.
+    """
     if valued.effect.name not in constants.WAVES:
-        return False
-    return _stands_out(_lines(e, without(e, now, valued)), valued.values["order"])
-
-
-def probability(e: Evidence, now: Fitted, valued: EffectValues) -> float:
-    """That its line is none of noise, whose power is distributed exponentially: half of it lies below its median."""
-    found = _lines(e, without(e, now, valued))
-    return float(1.0 - len(found.orders) * 0.5 ** _height(found, valued.values["order"]))
+        return None
+    rest, order = without(e, now, valued), valued.values["order"]
+    found = _lines(e, rest)
+    if not _stands_out(found, order):
+        return None
+    return Wave(rest, float(1.0 - len(found.orders) * 0.5 ** _height(found, order)))
 
 
 def _lines(e: Evidence, now: Fitted) -> Lines:
