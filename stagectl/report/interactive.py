@@ -21,12 +21,8 @@ from matplotlib.text import Annotation
 from stagectl.report.figures import embedded
 from stagectl.report.page import Picture
 
-_OVER = (
-    "time [",
-    "time after ",
-    "frequency [",
-    "bandwidth [",
-)  # what a figure is zoomed over, by the label of its x axis
+# What a figure is zoomed over, by the label of its x axis.
+_OVER = ("time [", "time after ", "frequency [", "bandwidth [")
 
 
 def picture(figure: Figure, caption: str, dpi: int = 170, least: int = 0) -> Picture:
