@@ -28,7 +28,7 @@ from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Say, Selection, dropped
 
-CLOCK = "clock"
+CLOCK, EXPERIMENT = "clock", "experiment"
 COORDINATES: Mapping[str, Callable[[RunMotion, float], Array]] = {
     "velocity": lambda motion, _: motion.velocity,
     "acceleration": lambda motion, _: motion.acceleration,
@@ -114,7 +114,7 @@ def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float) -> Array
 
 def ways(g: Grams, products: gram_matrices.Products, now: Fitted, smooth: BasisColumns) -> dict[str, Array]:
     """Every way to divide the data: the matrices (b, 2, p + 1, p + 1) of its parts, by its name."""
-    divided = {"experiment": gram_matrices.by_experiment(g)}
+    divided = {EXPERIMENT: gram_matrices.by_experiment(g)}
     if sum(len(run.paths) for run in smooth.runs) >= 2 * LEAST_BLOCKS:
         divided[CLOCK] = data_parts.by_clock(products, now.residuals)
     for name, place in COORDINATES.items():
@@ -140,16 +140,21 @@ def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisC
     """`selected` with no effect more probable than that its size is not none, as far as parts of the session agree.
 
     What is more probably of no size leaves the model.  An effect may show in one experiment, at one place or speed
-    alone, but in all repeats of it; and a drift has its form at all times.
+    alone, but in all repeats of it.  A drift may end soon, but shows in all experiments.
     """
-    known = errors(e, library, selected.fitted, smooth).get(CLOCK)
-    if known is None:
+    known = errors(e, library, selected.fitted, smooth)
+    if CLOCK not in known:
         return selected
-    of_size = {valued.effect.name: _of_size(valued, known) for valued in selected.fitted.effects}
+    of_size = {valued.effect.name: _of_size(valued, known[_borne_out_by(valued)]) for valued in selected.fitted.effects}
     weak = min(of_size, key=of_size.__getitem__, default="")
     if weak and of_size[weak] < constants.KEPT:
         return borne_out(e, library, dropped(e, library, selected.fitted, weak, say), smooth, say)
     return selected._replace(probability={name: min(p, of_size[name]) for name, p in selected.probability.items()})
+
+
+def _borne_out_by(valued: EffectValues) -> str:
+    """The way to divide the data whose parts must agree on the size of an effect."""
+    return CLOCK if valued.effect.time_variation is None else EXPERIMENT
 
 
 def _of_size(valued: EffectValues, known: Errors) -> float:

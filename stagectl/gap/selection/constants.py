@@ -48,3 +48,6 @@ COMPARABLE = 0.1  # odds of another effect in the place of one: from there on it
 # Of what a function of one coordinate predicts: mechanical effects that explain less are not the cause.  Chosen on an
 # earlier exam; not yet varied here.
 ADEQUATE = 0.57
+# Of all that is left above the noise: one effect that explains so much of it is its cause, whether or not what is left
+# has an order.  Origin: NNN.
+NEARLY_ALL = 0.75

@@ -50,6 +50,7 @@ class Linearised(NamedTuple):
     candidates: list[Candidate]
     forms: tuple[Form, ...]
     excess: Cuts
+    largest: float  # of the cuts of `excess`, each times the power of its likelihood
     verdict: Verdict
 
     def values(self, chosen: Weighed) -> list[EffectValues]:
@@ -58,6 +59,13 @@ class Linearised(NamedTuple):
         sizes = means(self.start, [member.prior for member in members])
         forms = [self.forms[member.form] for member in members]
         return [EffectValues(f.effect, f.values(size.tolist())) for f, size in zip(forms, sizes, strict=True)]
+
+    def explained(self, chosen: Weighed) -> float:
+        """What a set explains, as a share of what is left of the largest cut."""
+        priors = [self.candidates[k].prior for k in chosen.members]
+        places, size = [place for prior in priors for place in prior.places], np.concatenate(means(self.start, priors))
+        gain = size @ (2.0 * self.start.right[places] - self.start.gram[np.ix_(places, places)] @ size)
+        return float(gain) / self.largest if self.largest > 0.0 else 0.0
 
 
 def library_of(e: Evidence, forms: Sequence[Form], products: gram_matrices.Products) -> Library:
@@ -72,7 +80,7 @@ def linearised(
 ) -> Linearised:
     """The sets that may join `now`, compared; `out` is an effect that was just taken out of it, with its values.
 
-    Without `traces`, effects of any size count.
+    Without `traces`, effects of any size count, and an error of form is no larger than all that `now` leaves.
     """
     refined = () if out is None else (as_form(out),)
     columns = [*refine.parameters(now), *(each for form in refined for each in candidates.directions(form))]
@@ -83,9 +91,11 @@ def linearised(
     tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
     nuisances = parameters(e, now, g)
     small = [usual_sizes.immaterial(library.forms, g.places)] if traces else []
-    start = _start(g, [*nuisances, *small], library.excess, strokes(e))
     left = left_of(g, nuisances, library.products, now)
-    return Linearised(start, tried, forms, left, compare(start, tried, WIDER))
+    powers = [temper(cut, strokes(e)) for cut in (library.excess if traces else left)]
+    start = _start(g, [*nuisances, *small], powers)
+    largest = max(power * cut for power, cut in zip(powers, left, strict=True))
+    return Linearised(start, tried, forms, left, largest, compare(start, tried, WIDER))
 
 
 def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
@@ -135,12 +145,12 @@ def _left(g: Array, nuisances: Sequence[Prior]) -> float:
     return float(g[-1, -1] - 2.0 * b @ amplitude + amplitude @ a @ amplitude)
 
 
-def _start(g: Grams, nuisances: Sequence[Prior], left: Cuts, count: int) -> Conditioned:
-    """The tempered data with all nuisances integrated out; `left` is what the baseline fit leaves of each cut.
+def _start(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Conditioned:
+    """The data with all nuisances integrated out; each cut counts with the power of its likelihood.
 
-    An effect that explains much explains it with an error of form, so the temper stays that of the beginning.
+    An effect that explains much explains it with an error of form, so the powers stay those of the beginning.
     """
-    mixed = temper(left[0], count) * g.effort.sum(axis=0) + temper(left[1], count) * g.current.sum(axis=0)
+    mixed = powers[0] * g.effort.sum(axis=0) + powers[1] * g.current.sum(axis=0)
     gram = mixed[:-1, :-1] + RIDGE * np.diag(np.diag(mixed)[:-1])  # rounding must not make it indefinite
     state = Conditioned(gram, mixed[:-1, -1], -0.5 * float(mixed[-1, -1]))
     for prior in nuisances:

@@ -26,8 +26,7 @@ def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues
     if valued.effect.name in constants.TIMING:  # in its place the time shift may move as far as it likes
         return stands(library, refine.refine(e, now.model, rest.effects), now)
     before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
-    predicted = library.predicted(e, rest)
-    return any(predicted) and explains(before, after, predicted)
+    return nearly_all(before, after, linearised.strokes(e)) or explains(before, after, library.predicted(e, rest))
 
 
 def stands(library: Library, before: Fitted, after: Fitted) -> bool:
@@ -44,6 +43,11 @@ def stands(library: Library, before: Fitted, after: Fitted) -> bool:
 def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
     """Whether what is left falls by most of what is `predicted`, in one of the cuts of which anything is."""
     return any(p and adequate(b, a, p) for b, a, p in zip(before, after, predicted, strict=True))
+
+
+def nearly_all(before: Cuts, after: Cuts, strokes: int) -> bool:
+    """Whether one of the cuts is left with next to nothing of what is more in it than the noise of as many `strokes`."""
+    return any(b > strokes and b - a >= constants.NEARLY_ALL * b for b, a in zip(before, after, strict=True))
 
 
 def adequate(before: float, after: float, predicted: float) -> bool:

@@ -98,6 +98,12 @@ def refine(
     return now
 
 
+def first_step(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
+    """One step from these values, the base's columns taken without the effects: enough to tell initial values apart."""
+    now = _fitted(e, model, tuple(effects))
+    return _step(e, now) if np.isfinite(now.residual_sum_of_squares) else now
+
+
 def _fitted(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...]) -> Fitted:
     left = residuals(e, model, effects)
     return Fitted(model, effects, left, total(e, left))

@@ -25,7 +25,7 @@ from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import candidates, constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised
-from stagectl.gap.selection.material import adequate, explains, is_material, without
+from stagectl.gap.selection.material import adequate, explains, is_material, nearly_all, without
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 Say = Callable[[str], None]
@@ -87,16 +87,19 @@ def _first_of(e: Evidence, now: Fitted, added: Sequence[EffectValues], together:
 
 def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     """`now` with one effect of whatever size that explains most of what is missing; None where nothing is or does."""
-    predicted = library.predicted(e, now)
-    if not any(predicted):
-        return None
     at = linearised.linearised(e, library, now, traces=False)
     singles = {item: p for item, p in at.verdict.of_sets().items() if len(item) == 1}
     single = max(singles, key=singles.__getitem__, default=frozenset[str]())
     if singles.get(single, 0.0) <= _empty(at):
         return None
-    after = _grown(e, now, at.values(at.verdict.best(single)))
-    fits = after is not None and explains(at.excess, linearised.excess(e, library, after), predicted)
+    best, predicted = at.verdict.best(single), library.predicted(e, now)
+    if not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
+        return None
+    after = _grown(e, now, at.values(best))
+    if after is None:
+        return None
+    left = linearised.excess(e, library, after)
+    fits = nearly_all(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted)
     return after if fits else None
 
 
@@ -115,7 +118,7 @@ def _resonant(e: Evidence, now: Fitted, valued: EffectValues) -> EffectValues:
         return valued
     forms = candidates.forms([valued.effect])
     places = [EffectValues(valued.effect, form.values(form.typical)) for form in forms]
-    refined = [refine.refine(e, now.model, [*now.effects, place], 1) for place in places]
+    refined = [refine.first_step(e, now.model, [*now.effects, place]) for place in places]
     finite = [fitted for fitted in refined if np.isfinite(fitted.residual_sum_of_squares)]
     return min(finite, key=lambda fitted: fitted.residual_sum_of_squares).effects[-1] if finite else valued
 
