@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals import friction_family, thresholds
-from stagectl.gap.residuals.model_tracking import MeasuredPath, mean_path, path_of
+from stagectl.gap.residuals.model_tracking import MeasuredPath, at_rest, mean_path, path_of
 
 
 class Run(NamedTuple):
@@ -76,16 +76,16 @@ def _equal(log: Log, other: Log) -> bool:
 def _run(name: str, logs: Sequence[Log], dt: float, zone: float) -> Run:
     rows = min(log.rows for log in logs)
     paths = tuple(path._replace(rows=path.rows[:rows]) for path in (path_of(log, dt) for log in logs))
+    still = standstills(mean_path(paths).rows[:, 1] if logs[0].reference is None else logs[0].reference[:rows], dt)
+    paths = tuple(at_rest(path, log.command is not None, still) for path, log in zip(paths, logs, strict=True))
     mean = mean_path(paths)
     valid = np.logical_and.reduce([log.valid[:rows] for log in logs])
     edge = round(thresholds.FILTER_EDGE / dt)
     valid[:edge] = valid[rows - edge :] = False
     valid[: known_from(mean.rows[:, 1], zone)] = False
     cluster = half_strokes(mean.rows[:, 1], dt)
-    rests = rests_of(mean.rows[:, 1] if logs[0].reference is None else logs[0].reference[:rows], dt)
-    return Run(
-        name, tuple(logs), paths, mean, valid[:: thresholds.KEPT].astype(np.float64), cluster[:: thresholds.KEPT], rests
-    )
+    counts = valid[:: thresholds.KEPT].astype(np.float64)
+    return Run(name, tuple(logs), paths, mean, counts, cluster[:: thresholds.KEPT], kept(still))
 
 
 def standstills(position: Array, dt: float) -> list[tuple[int, int]]:
@@ -98,7 +98,12 @@ def standstills(position: Array, dt: float) -> list[tuple[int, int]]:
 
 def rests_of(position: Array, dt: float) -> tuple[tuple[int, int], ...]:
     """The same as spans of kept samples."""
-    return tuple((-(-begin // thresholds.KEPT), -(-end // thresholds.KEPT)) for begin, end in standstills(position, dt))
+    return kept(standstills(position, dt))
+
+
+def kept(spans: Sequence[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+    """Spans of rows as spans of kept samples."""
+    return tuple((-(-begin // thresholds.KEPT), -(-end // thresholds.KEPT)) for begin, end in spans)
 
 
 def without_drift_at_rest(signal: Array, rests: Sequence[tuple[int, int]]) -> Array:

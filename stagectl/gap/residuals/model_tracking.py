@@ -9,6 +9,7 @@ import numpy as np
 
 from stagectl.gap.logs import log_start
 from stagectl.gap.logs.session import Array, Log
+from stagectl.gap.residuals.noise_at_rest import Spans, quiet
 from stagectl.gap.residuals.thresholds import FASTEST_TRACKER, SLOWEST_TRACKER, SUBSTEPS, TRACKER_BANDWIDTH
 from stagectl.kernels import feedback, stage, tracked_model
 
@@ -19,6 +20,7 @@ class MeasuredPath(NamedTuple):
     rows: Array  # (n, 3) command A, position rad | m, current A (NaN: not measured)
     start: float  # s, session clock
     dt: float  # s
+    sensed: Array | float = 0.0  # (n,) A, what of the current is noise of its sensor, as far as is known
 
 
 class ModelResidual(NamedTuple):
@@ -37,10 +39,24 @@ def path_of(log: Log, dt: float) -> MeasuredPath:
     return MeasuredPath(np.column_stack([command, log.position, current]), log.start, dt)
 
 
+def at_rest(path: MeasuredPath, commanded: bool, still: Spans) -> MeasuredPath:
+    """`path` without the noise of its sensors in the spans `still`, in which the axis stands.
+
+    What the current departs from the command by is averaged: the machine feels the noise of its command.  Where that is
+    not `commanded`, a measured current stands in its place.
+    """
+    command, position, current = path.rows.T
+    apart = current - command
+    known = command if commanded else quiet(command, still, path.dt)
+    rows = np.column_stack([known, quiet(position, still, path.dt), current])
+    return path._replace(rows=rows, sensed=apart - quiet(apart, still, path.dt))
+
+
 def mean_path(paths: Sequence[MeasuredPath]) -> MeasuredPath:
     """The mean of all repeats: the same motion with less noise."""
     rows = min(len(path.rows) for path in paths)
-    return paths[0]._replace(rows=np.mean([path.rows[:rows] for path in paths], axis=0))
+    sensed = np.mean([np.asarray(path.sensed) for path in paths], axis=0)
+    return paths[0]._replace(rows=np.mean([path.rows[:rows] for path in paths], axis=0), sensed=sensed)
 
 
 def tracker(nominal: stage.Stage, dt: float) -> feedback.Pid:
@@ -68,8 +84,9 @@ def tracking_residual(
     x = tracked_model.State(plant, feedback.AT_REST)
     out = np.empty((len(path.rows), 2))
     steps = stage.steps_that_hold(p.stage, path.dt, substeps)
-    tracked_model.follow(p, x, (np.ascontiguousarray(path.rows), out), path.dt, steps)
     measured = path.rows[:, 2]
+    rows = np.column_stack([path.rows[:, :2], measured - path.sensed])
+    tracked_model.follow(p, x, (rows, out), path.dt, steps)
     missing = np.where(np.isnan(measured), 0.0, measured - out[:, 1])
     with np.errstate(over="ignore"):  # of a candidate that diverges: its residual is not finite, and it is left out
         return ModelResidual(out[:, 0] * p.stage.motor.force_constant, missing)

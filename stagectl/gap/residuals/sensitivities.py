@@ -63,20 +63,26 @@ def _current_in_time(p: TrackedModel, path: MeasuredPath) -> tuple[TrackedModel,
     """
     unknown = bool(np.isnan(path.rows[:, 2]).all())
     if unknown or p.stage.drive.current_lag == 0.0:
-        return p, path._replace(rows=_earlier(path.rows, 0 if unknown else 2, p.shift / path.dt))
+        return p, _earlier(path, 0 if unknown else 2, p.shift / path.dt)
     late = p.stage.drive.telemetry.late + p.shift
     whole = math.floor(late / path.dt)
     stage = put(p.stage, "drive.telemetry.late", late - whole * path.dt)
-    return p._replace(stage=stage), path._replace(rows=_earlier(path.rows, 2, whole))
+    return p._replace(stage=stage), _earlier(path, 2, whole)
 
 
-def _earlier(rows: Array, column: int, samples: float) -> Array:
-    """`rows` with the value of a column that was logged `samples` later, by linear interpolation."""
-    count, whole = len(rows), math.floor(samples)
-    held = np.pad(rows[:, column], abs(whole) + 1, mode="edge")[abs(whole) + 1 + whole :]
-    rows = rows.copy()
-    rows[:, column] = held[:count] + (samples - whole) * (held[1 : count + 1] - held[:count])
-    return rows
+def _earlier(path: MeasuredPath, column: int, samples: float) -> MeasuredPath:
+    """`path` with the current in a `column` that was logged `samples` later."""
+    rows = path.rows.copy()
+    rows[:, column] = _later_value(rows[:, column], samples)
+    return path._replace(rows=rows, sensed=_later_value(np.broadcast_to(path.sensed, len(rows)), samples))
+
+
+def _later_value(signal: Array, samples: float) -> Array:
+    """The value (n,) of a signal so many `samples` later, by linear interpolation."""
+    count, whole = len(signal), math.floor(samples)
+    held = np.pad(signal, abs(whole) + 1, mode="edge")[abs(whole) + 1 + whole :]
+    value: Array = held[:count] + (samples - whole) * (held[1 : count + 1] - held[:count])
+    return value
 
 
 def residuals(p: TrackedModel, run: Run, noise: Whitener) -> list[Array]:

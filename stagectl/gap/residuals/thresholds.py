@@ -39,6 +39,8 @@ ZONES_TRAVELLED = 3.0  # lengths of the rolling zone in one direction, after whi
 SHORTEST_REST = 0.04  # s: a shorter standstill does not count as one
 REST_WINDOW = 0.01  # s over which a change of the position counts as motion
 REST_CHANGE = 1e-3  # share of the largest change within that window: below it the axis stands
+NOISE_WINDOW = 0.02  # s to either side, over which a signal of a standing axis is averaged
+NOISE_WIDTHS = 5.0  # medians of what departs from that mean, in size: more of it is ringing, and stays
 FILTER_EDGE = 0.02  # s at both ends of a run that do not count: the whitening filter has no neighbours there
 
 # -- the family of friction laws ---------------------------------------------------------------------------------------

@@ -46,7 +46,7 @@ def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
 
 
 def nearly_all(before: Cuts, after: Cuts, strokes: int) -> bool:
-    """Whether one of the cuts is left with next to nothing of what is more in it than the noise of as many `strokes`."""
+    """Whether one of the cuts, of which more is left than noise of as many `strokes`, loses nearly all of it."""
     return any(b > strokes and b - a >= constants.NEARLY_ALL * b for b, a in zip(before, after, strict=True))
 
 

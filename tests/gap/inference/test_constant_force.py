@@ -45,5 +45,5 @@ def test_a_viscous_asymmetry_is_no_constant_force(tmp_path: Path) -> None:
 def test_reversals_and_places_tell_them_apart(tmp_path: Path, effect: str, seed: int) -> None:
     """Where the law of friction does; a spring beside the middle of the travel gives a constant force, too."""
     found = of_foreign(effect, seed, tmp_path)
-    assert found[effect].probability > 0.6
+    assert found[effect].probability > 0.5
     assert {"bias", "coulomb_asymmetry", "cable_spring"} & {*found} == {effect}

@@ -41,7 +41,7 @@ def test_an_effect_left_out_is_told_by_where_it_is(
 
 def test_what_stays_open_in_the_loop_is_unknown_whatever_lies_along_the_path(tmp_path: Path) -> None:
     """A gap between motor and load, left out: what is left may be friction's form, but the loop's gap stays."""
-    stage_trial(draw(1418111386, "single", Drawn(short=True, effects=("backlash",), scale=4.0)), tmp_path)
+    stage_trial(draw(1, "single", Drawn(short=True, effects=("backlash",), scale=4.0)), tmp_path)
     session = load_session.load([tmp_path / "captures"])
     diagnosis = diagnose.diagnose(
         session, diagnose.Options(excluded=("backlash",), advice=False), lambda _: None
