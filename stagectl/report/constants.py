@@ -20,6 +20,10 @@ NEAR_REVERSAL = 0.13  # s either side of a zero crossing of the velocity
 REVERSAL_POINTS = 400  # of the friction after a reversal
 REVERSAL_BEYOND = 1.1  # times the displacement at which the slowest friction model has settled: its end
 
+# Shares of a gap.
+LEAST_SHARE = 0.01  # that is listed; less rounds to nothing next to the others
+SHOWN_SHARE = 0.0005  # that has a bar of its own; less is 0.0 %
+
 # Words in a drawing.
 BLOCK_LINES, BLOCK_CHARACTERS = 4, 23  # of a block of the control loop: lines, and characters of one
 LABEL_CHARACTERS = 30  # of a row's label; the middle of a longer one is left out

@@ -20,6 +20,7 @@ class Picture(NamedTuple):
     caption: str
     least: int = 0  # px below which it is not shrunk, but scrolled
     plot: str = ""  # JSON of its curves over time, of `interactive.picture`
+    middle: float = 0.0  # share of its width that is in the middle where it is scrolled
 
 
 class Table(NamedTuple):

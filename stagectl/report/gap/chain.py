@@ -57,7 +57,9 @@ def chain(result: DiagnosisResult) -> Picture:
     text = base64.b64encode(drawing(result).encode()).decode()
     caption = "Share of the known causes that each block holds, and the effects found in it."
     hatched = " Hatched: not judged." if None in result.blocks.values() else ""
-    return Picture(f"data:image/svg+xml;base64,{text}", f"{caption}{hatched}", 760)
+    worst = max(range(len(BLOCKS)), key=lambda number: result.blocks.get(BLOCKS[number]) or 0.0)
+    middle = (_left(worst) + 0.5 * _WIDE) / WIDTH
+    return Picture(f"data:image/svg+xml;base64,{text}", f"{caption}{hatched}", 760, middle=middle)
 
 
 def drawing(result: DiagnosisResult) -> str:
@@ -77,7 +79,12 @@ def _box(result: DiagnosisResult, number: int, name: str) -> _Box:
         lines = [line for effect in effects for line in textwrap.wrap(effect, BLOCK_CHARACTERS)]
     if len(lines) > BLOCK_LINES:
         lines = [*lines[: BLOCK_LINES - 1], "..."]
-    return _Box(_LEFT + number * (_WIDE + _SPACE), name, share, lines)
+    return _Box(_left(number), name, share, lines)
+
+
+def _left(number: int) -> float:
+    """Left edge of a block."""
+    return _LEFT + number * (_WIDE + _SPACE)
 
 
 def _drawn(box: _Box, strength: float) -> list[str]:
@@ -104,7 +111,7 @@ def _shade(share: float) -> str:
 def _wires() -> list[str]:
     """Arrows from block to block, the sum, and the feedback."""
     y, low = _TOP + 0.5 * _HIGH, _TOP + _HIGH + 36.0
-    ends = [_LEFT + number * (_WIDE + _SPACE) for number in range(len(BLOCKS))]
+    ends = [_left(number) for number in range(len(BLOCKS))]
     last = ends[-1] + _WIDE
     arrows = [_arrow(f"M8 {y}H68"), _arrow(f"M90 {y}H{_LEFT}"), _arrow(f"M{last} {y}H{WIDTH - 4}")]
     arrows += [_arrow(f"M{end - _SPACE} {y}H{end}") for end in ends[1:]]

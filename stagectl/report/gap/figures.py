@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
 from stagectl.number_format import prefix
-from stagectl.report.constants import FLAT, LABEL_CHARACTERS, MOST_ROWS, WINDOW
+from stagectl.report.constants import FLAT, LABEL_CHARACTERS, LEAST_SHARE, MOST_ROWS, SHOWN_SHARE, WINDOW
 from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, note, plain_decades
 from stagectl.report.panels import DPI as DPI
 
@@ -45,7 +45,8 @@ def drawings(result: DiagnosisResult) -> dict[str, Callable[[], Figure]]:
 
 def coordinates(result: DiagnosisResult) -> Figure:
     """How much of the gap a smooth function of each coordinate alone explains."""
-    rows = sorted(result.coordinates, key=lambda coordinate: coordinate.share)
+    ranked = sorted(result.coordinates, key=lambda coordinate: coordinate.share)
+    rows = [row for row in ranked if row.share >= LEAST_SHARE] or ranked[-1:]
     with drawing(figsize=(WIDTH, 0.9 + 0.32 * max(len(rows), 3))) as (figure, axes):
         shares = [100.0 * max(row.share, 0.0) for row in rows]
         axes.barh([coordinate_label(row.name) for row in rows], shares, color=TARGET, height=0.6)
@@ -101,19 +102,19 @@ def _short(name: str) -> str:
 
 def shares(result: DiagnosisResult) -> Figure:
     """The gap split into its parts, a step each; the steps end at 100 %."""
-    with drawing(figsize=(WIDTH, 0.9 + 0.36 * max(len(result.shares), 3))) as (figure, axes):
+    parts = [(name, share) for name, share in result.shares if abs(share) >= SHOWN_SHARE]
+    with drawing(figsize=(WIDTH, 0.9 + 0.36 * max(len(parts), 3))) as (figure, axes):
         begin = 0.0
-        for place, (name, share) in enumerate(result.shares):
+        for place, (name, share) in enumerate(parts):
             axes.barh(-place, 100.0 * share, left=100.0 * begin, color=_COLOURS.get(name, WITH), height=0.62)
             right = 100.0 * max(begin, begin + share)
             note(axes, f"{100.0 * share:z.1f} %", (right, -place), (4, 0), TARGET, "center")
             begin += share
-            if place + 1 < len(result.shares):
+            if place + 1 < len(parts):
                 axes.vlines(100.0 * begin, -place - 0.69, -place - 0.31, color=_GREY, linewidth=0.7)
-        axes.set_yticks(
-            [-place for place in range(len(result.shares))], [_share_label(name) for name, _ in result.shares]
-        )
-        axes.set(xlim=(min(0.0, axes.get_xlim()[0]), 114.0), xticks=[0, 25, 50, 75, 100])
+        axes.set_yticks([-place for place in range(len(parts))], [_share_label(name) for name, _ in parts])
+        lowest = 0.5 - max(len(parts), 3)
+        axes.set(xlim=(min(0.0, axes.get_xlim()[0]), 114.0), ylim=(lowest, 0.5), xticks=[0, 25, 50, 75, 100])
         _rows(axes)
         axes.set_xlabel("share of the squared gap [%]")
     return figure

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 import shlex
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from stagectl.gap.effects.library import label
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, HELD_OUT, DiagnosisResult
+from stagectl.gap.result.diagnosis import BLOCKS, HELD_OUT, NOISE, DiagnosisResult
 from stagectl.number_format import percent
 from stagectl.recording.metadata import versions
 from stagectl.report import interactive
+from stagectl.report.constants import LEAST_SHARE
 from stagectl.report.gap import figures
 from stagectl.report.gap.chain import SIGNALS, chain
 from stagectl.report.page import Page, Picture, Section
@@ -43,8 +43,9 @@ def page(result: DiagnosisResult, place: str, commands: list[str], stored: str =
 
 
 def _of_stage(section: Section, stage: str) -> Section:
-    """The section with this stage file in its commands."""
-    return section._replace(commands=tuple(line.replace(_ANY_STAGE, shlex.quote(stage)) for line in section.commands))
+    """The section with this stage file in its commands, its words typeset."""
+    commands = tuple(line.replace(_ANY_STAGE, shlex.quote(stage)) for line in section.commands)
+    return section._replace(words=[typeset(words) for words in section.words], commands=commands)
 
 
 def typeset(text: str) -> str:
@@ -58,8 +59,8 @@ def _basis(result: DiagnosisResult) -> list[str]:
     if result.captures:
         about.append(f"Data: {_counted(len(result.captures), 'capture')}.")
     if result.traces:
-        held_out = _counted(len(result.traces), "held-out run")
-        about.append(f"Checked on {held_out if result.judged_on == HELD_OUT else result.judged_on}.")
+        experiments = f" of {_counted(len(result.traces), 'experiment')}" if result.judged_on == HELD_OUT else ""
+        about.append(f"Checked on {result.judged_on}{experiments}.")
     if result.seconds:
         about.append(f"Computing time: {sum(seconds for _, seconds in result.seconds):.0f} s.")
     return [*(f"Doubtful data: {doubt}." for doubt in result.doubts), " ".join(about)]
@@ -82,37 +83,42 @@ def _largest_block(result: DiagnosisResult) -> list[str]:
     worst = max(known, key=lambda name: known[name])
     ends = ("reference", *SIGNALS)[BLOCKS.index(worst) :][:2]
     return [
-        f"{percent(known[worst])} of the known causes lies in the {worst}, between {' and '.join(ends)}.",
+        f"{percent(known[worst])} of the known causes lie in the {worst}, between {' and '.join(ends)}.",
         *_parts(result),
     ]
 
 
 def _parts(result: DiagnosisResult) -> list[str]:
-    """Who holds the gap of the forces, the largest first."""
-    ranked = sorted((part for part in result.parts if part.share > 0.0), key=lambda part: -part.share)
+    """Who holds the gap of the forces, the largest first; nothing where one holds it all."""
+    ranked = sorted((part for part in result.parts if part.share >= LEAST_SHARE), key=lambda part: -part.share)
     held = [f"{label(part.name)} {percent(part.share)} ({part.block})" for part in ranked]
-    return [f"Of the excess of the forces over noise: {', '.join(held)}."] if held else []
+    return [f"Of the excess of the forces over noise: {', '.join(held)}."] if len(held) > 1 else []
 
 
 def _motion(result: DiagnosisResult, _place: str) -> Section | None:
     pictures = []
     if result.coordinates:
-        caption = "Share of the gap that follows each coordinate. Coordinates overlap, so the shares do not add up."
+        least = percent(LEAST_SHARE)
+        caption = (
+            "Share of the gap that follows each coordinate. Coordinates overlap, so the shares do not add up. "
+            f"Those below {least} are left out."
+        )
         pictures.append(_picture(figures.coordinates(result), caption))
     if result.captures:
         drawn, count = len(figures.most_open(result)), len(result.captures)
         rest = "" if drawn == count else f" These are the {drawn} of {count} captures with the longest times."
-        pictures.append(_picture(figures.spans(result), f"Times with a gap (orange), a row a capture.{rest}"))
+        pictures.append(_picture(figures.spans(result), f"Times with a gap (orange), one row per capture.{rest}"))
     return Section("Where in the motion", [], pictures, []) if pictures else None
 
 
 def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
-    return interactive.picture(figure, caption, figures.DPI, least)
+    return interactive.picture(figure, typeset(caption), figures.DPI, least)
 
 
 def _shares(result: DiagnosisResult, _place: str) -> Section | None:
     effects = [tables.effects(result)] if result.effects else []
-    caption = f"The squared gap on {result.judged_on}, split into its parts. The parts add up to 100 %."
+    noise = ' Without the noise ("not repeatable") it is the closable gap.' if dict(result.shares).get(NOISE) else ""
+    caption = f"The squared gap on {result.judged_on}, split into its parts, which add up to 100 %.{noise}"
     pictures = [_picture(figures.shares(result), caption)] if result.shares else []
     return Section("Which effect", [], pictures, effects) if pictures or effects else None
 
@@ -126,7 +132,7 @@ def _distance(result: DiagnosisResult, _place: str) -> Section | None:
         window = run.time[figures.window(run)]
         caption = f"{run.file}, the run with the largest gap: its worst {window[-1] - window[0]:.2g} s."
         pictures.append(_picture(figures.trace(run, result), caption, 700))
-    return Section("How far it shrinks", _predicted(result), pictures, [tables.gaps(result)])
+    return Section("How far the gap shrinks", _predicted(result), pictures, [tables.gaps(result)])
 
 
 def _predicted(result: DiagnosisResult) -> list[str]:
@@ -167,10 +173,10 @@ def _following(result: DiagnosisResult, place: str) -> Section | None:
     lines = [*ambiguous, *verdict_text.advice(result)]
     commands = []
     if result.next_experiment is not None and result.next_experiment.trajectory:
-        written = Path(place) / result.next_experiment.trajectory
-        commands = [f"stagectl gap next {place}", f"stagectl run {_ANY_STAGE} {written}"]
+        lines.append("The command gap next writes its trajectory, and prints the commands that run it and diagnose again.")
+        commands = [f"stagectl gap next {place}"]
     if any(effect.fields for effect in result.named):
-        lines.append("The last command adds the named effects to the stage file. It shows the patch before it writes.")
+        lines.append("The command gap apply adds the named effects to the stage file. It shows the patch before it writes.")
         commands.append(f"stagectl gap apply {place} {_ANY_STAGE}")
     title = "Ambiguities and next steps" if ambiguous else "Next steps"
     return Section(title, lines, [], [], tuple(commands)) if lines else None

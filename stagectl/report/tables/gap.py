@@ -61,4 +61,4 @@ def values(result: DiagnosisResult) -> Table:
         for effect in result.named
         for name, estimate in effect.parameters.items()
     ]
-    return Table("", ["effect", "", "value (95 % interval)"], rows)
+    return Table("", ["effect", "parameter", "value (95 % interval)"], rows)
