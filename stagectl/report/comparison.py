@@ -33,9 +33,10 @@ def page(result: Result, commands: list[str]) -> Page:
     )
     begin, end = open_recording(Path(result["variants"][0]["recordings"][-1])).meta["steady"]
     where = "simulated" if result["simulated"] else "on the drive"
+    order = "one run each" if repeats == 1 else f"{repeats} repeats each, in an order that a Latin square balances"
     about = (
-        f"{result['stage']}, {result['trajectory']}, {where}: {len(names)} variants, {repeats} repeats each, in an "
-        f"order that a Latin square balances. The tracking error is taken from {begin:.3g} to {end:.3g} s."
+        f"{result['stage']}, {result['trajectory']}, {where}: {len(names)} variants, {order}. "
+        f"The tracking error is taken from {begin:.3g} to {end:.3g} s."
     )
     return Page(
         f"stagectl compare: {', '.join(names)}",
@@ -114,7 +115,7 @@ def errors(result: Result) -> Figure:
             scale, unit = _scale(error, result["unit"])
             axes.plot(time, scale * error, color=_colour(result, variant["name"]), linewidth=0.8)
             axes.set_title(variant["name"], loc="left", fontsize=8, pad=2, color=TARGET)
-            axes.set_ylabel(f"[{unit}]")
+            axes.set_ylabel(f"error [{unit}]")
             reach = 1.15 * scale * float(np.max(np.abs(error)))
             axes.set_ylim(-reach, reach)
         grid[-1, 0].set_xlabel("time [s]")

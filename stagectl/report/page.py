@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +12,8 @@ from stagectl.problem import Problem, ProblemKind, write_text
 from stagectl.replacing import PAGE, check_replaceable
 from stagectl.units import StageError
 from stagectl.web import assets
+
+_UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b|Hz\b)")
 
 
 class Picture(NamedTuple):
@@ -78,10 +81,16 @@ def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     config = {**page.config, **{str(file): file.read_text(encoding="utf-8") for file in files}}
     listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
-    template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters["typeset"] = typeset
     given = {**page._asdict(), "config": listed, "library": _library(page)}
-    write_text(path, template.render(given))
+    write_text(path, environment.from_string(source).render(given))
     return path
+
+
+def typeset(text: str) -> str:
+    """With an arrow for ``->``, and no line break between a number and its unit."""
+    return _UNIT.sub("\\1\u00a0\\2", text.replace(" -> ", "\u00a0→ "))
 
 
 def _library(page: Page) -> dict[str, str]:

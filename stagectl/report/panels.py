@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.report import interactive
-from stagectl.report.figures import FAINT, STYLE, TARGET
+from stagectl.report.figures import FAINT, STYLE, TARGET, note
 from stagectl.report.page import Picture
 
 CONVENTIONAL, TRUTH = "#2563eb", FAINT  # in addition to WITHOUT (no compensation) and WITH
@@ -49,6 +49,7 @@ class Frame(NamedTuple):
     legend: Place = "best"  # its place; "best" is slow with many points
     level: tuple[float, ...] = ()  # dotted horizontals
     shaded: tuple[tuple[float, float], ...] = ()  # spans of x
+    outside: tuple[str, tuple[float, float]] | None = None  # words on what lies outside, and where it leaves
 
 
 def panel(lines: Sequence[Line], frame: Frame) -> Figure:
@@ -92,6 +93,9 @@ def _around(axes: Axes, frame: Frame) -> None:
         axes.set_xlim(*frame.xlim)
     for value in frame.level:
         axes.axhline(value, color=TRUTH, linewidth=0.9, linestyle=":")
+    if frame.outside is not None:
+        words, place = frame.outside
+        note(axes, words, place, (6, 6 if place[1] < 0.0 else -10), TARGET)
     for span in frame.shaded:
         axes.axvspan(*span, color="#f1f5f9", zorder=-1)
 

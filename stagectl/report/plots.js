@@ -47,6 +47,7 @@ function mark(plot, panel) {
   ctx.save();
   ctx.beginPath(); ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height); ctx.clip();
   ctx.font = `${12 * scale}px system-ui, sans-serif`;
+  ctx.textAlign = "left";
   ctx.lineWidth = 1.5 * scale;
   for (const { x, y, colour, dashed, label } of panel.marks) {
     ctx.strokeStyle = ctx.fillStyle = colour;
@@ -54,29 +55,29 @@ function mark(plot, panel) {
     ctx.beginPath();
     if (x.length === 1) { ctx.arc(across(x[0], 0), up(y[0], 0), 3.5 * scale, 0, 2 * Math.PI); ctx.fill(); }
     else { ctx.moveTo(across(x[0], 0), up(y[0], 0)); ctx.lineTo(across(x[1], 1), up(y[1], 1)); ctx.stroke(); }
-    ctx.textAlign = "right";
     if (!label) continue;
     const above = up(y[1], 1) - 5 * scale, height = above > bbox.top + 12 * scale ? above : above + 20 * scale;
-    const edges = said.filter((other) => Math.abs(other.height - height) < 12 * scale).map((other) => other.left);
-    const edge = Math.min(across(x[1], 1) - 6 * scale, ...edges);  // left of a label that stands there already
+    const edges = said.filter((other) => Math.abs(other.height - height) < 12 * scale).map((other) => other.right);
+    const edge = Math.max(across(x[0], 0) + 6 * scale, ...edges);  // right of a label that stands there already
     ctx.fillText(label, edge, height);
-    said.push({ height, left: edge - ctx.measureText(label).width - 12 * scale });
+    said.push({ height, right: edge + ctx.measureText(label).width + 12 * scale });
   }
-  ctx.textAlign = "left";
   for (const { x, y, offset, words, colour } of panel.notes) {
     ctx.fillStyle = colour;
-    ctx.fillText(words, across(x, 0) + offset[0] * 4 / 3 * scale, up(y, 0) - offset[1] * 4 / 3 * scale);
+    const last = bbox.left + bbox.width - ctx.measureText(words).width;  // the farthest place that shows all of them
+    ctx.fillText(words, Math.min(across(x, 0) + offset[0] * 4 / 3 * scale, last), up(y, 0) - offset[1] * 4 / 3 * scale);
   }
   ctx.restore();
 }
 
-// Ticks of a logarithmic axis: its decades, and where there are few of them what lies between.  uPlot's own have no end
-// where the axis begins just below a decade.
-function ticks(_, of, low, high) {
+// Ticks of a logarithmic axis: its decades, and what lies between as far as there is room.  uPlot's own have no end where
+// the axis begins just below a decade.
+function ticks(plot, of, low, high) {
   const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high));
-  const within = last - first > 4 ? [1] : last - first > 1 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9];
-  const all = Array.from({ length: last - first + 1 }, (_, k) => within.map((digit) => +`${digit}e${first + k}`)).flat();
-  return all.filter((value) => low <= value && value <= high);
+  const most = (of === 0 ? plot.bbox.width / 50 : plot.bbox.height / 15) / devicePixelRatio;
+  const between = (digits) => Array.from({ length: last - first + 1 }, (_, k) => digits.map((digit) => +`${digit}e${first + k}`)).flat();
+  const all = [[1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9], [1, 2, 5], [1]].map((digits) => between(digits).filter((value) => low <= value && value <= high));
+  return all.find((values) => values.length <= most) ?? all.at(-1);
 }
 const decades = { splits: ticks, filter: (_, splits) => splits, values: (_, splits) => splits.map((value) => `${value}`) };
 
@@ -136,5 +137,10 @@ function build(place, panel) {
 
 for (const place of document.querySelectorAll("[data-plot]")) {
   place.closest("figure").classList.add("explored");
-  for (const panel of JSON.parse(place.dataset.plot)) if (panel.lines.length) build(place.appendChild(document.createElement("div")), panel);
+  for (const panel of JSON.parse(place.dataset.plot)) {
+    if (!panel.lines.length) continue;
+    const made = place.appendChild(document.createElement("div"));
+    made.classList.toggle("single", panel.lines.length === 1 && !panel.lines[0].label);
+    build(made, panel);
+  }
 }

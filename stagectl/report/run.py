@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl import evaluation
-from stagectl.number_format import prefix
+from stagectl.number_format import duration, length, prefix
 from stagectl.recording.extremes import extremes
 from stagectl.recording.hdf5 import Recording
 from stagectl.recording.replay import check_ran
@@ -29,8 +29,8 @@ _CURRENTS = (
     ("feedforward", "feedforward", CONVENTIONAL),
 )
 _CAPTIONS = {
-    "position": "Position: the target, and what the encoder measured.",
-    "tracking error": "Tracking error: the target minus the measured position. The first 0.1 s may not fit in.",
+    "position": "Position: the reference, and what the encoder measured.",
+    "tracking error": "Tracking error: the reference minus the measured position.",
     "current": "Current: what the drive measured, the command, and the parts of the command.",
 }
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
     steady = tuple(meta["steady"])
     places = [
         (label, samples[name] * scale, colour)
-        for name, label, colour in (("reference", "target", WITHOUT), ("measured", "actual", WITH))
+        for name, label, colour in (("reference", "reference", TRUTH), ("measured", "measured", WITH))
         if name in names
     ]
     currents = [(label, samples[name], colour) for name, label, colour in _CURRENTS if name in names]
@@ -88,10 +88,21 @@ def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
         inside = evaluation.window(samples["time"], meta["steady"])
         if np.isfinite(error).any():  # an open loop has none
             late = evaluation.started(samples, meta)
-            shown.append(
-                _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), error[inside & late])
-            )
+            drawn = _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), error[inside & late])
+            shown.append(_with_peak(drawn, samples["time"], error, unit))
     return [*shown, *([_drawn(samples, currents, ("current", "A"), (steady,))] if currents else [])]
+
+
+def _with_peak(drawn: _Panel, time: Array, error: Array, unit: str) -> _Panel:
+    """The panel, and in words a peak that lies outside of it."""
+    lines, frame, caption = drawn
+    peak = int(np.nanargmax(np.abs(error)))
+    shown = np.max(np.abs(lines[0].y[np.isfinite(lines[0].y)]))
+    if frame.ylim is None or shown <= max(map(abs, frame.ylim)):
+        return drawn
+    words = f"{length(abs(error[peak]), unit)} at {duration(time[peak])}"
+    place = (float(time[peak]), frame.ylim[0 if error[peak] < 0.0 else 1])
+    return lines, frame._replace(outside=(words, place)), f"{caption} Its peak lies outside: {words}."
 
 
 def _drawn(
@@ -109,9 +120,10 @@ def _drawn(
     largest = max(abs(low), abs(high))
     letter, scale = prefix(largest)
     lines = []
-    for label, values, colour in known:
+    for number, (label, values, colour) in enumerate(known):
         time, ends = thinned(samples["time"], values * scale)
-        lines.append(Line(time, ends, label, colour, width=0.9))
+        below = number == 0 and len(known) > 1  # broad, as the others lie on it
+        lines.append(Line(time, ends, label, colour, width=2.4 if below else 0.9))
     factor = 1.4 if within is None else 1.6  # room for the legend; for values outside the window
     middle, half = 0.5 * (low + high), 0.5 * (high - low) or 0.1 * largest
     room = ((middle - factor * half) * scale, (middle + factor * half) * scale) if largest else None

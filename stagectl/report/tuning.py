@@ -128,8 +128,8 @@ def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
         axes.semilogx(f, _db(1.0 / (1.0 + values)), color=TARGET, linewidth=1.4, label="|S|")
         axes.semilogx(f, _db(values / (1.0 + values)), color=WITH, linewidth=1.4, label="|T|")
         for peak, name, colour, offset in (
-            (reached.sensitivity, "Ms", TARGET, (6, 4)),
-            (reached.complementary, "Mt", WITH, (-44, 6)),
+            (reached.sensitivity, "Ms", TARGET, (6, 9)),
+            (reached.complementary, "Mt", WITH, (-44, 9)),
         ):
             level = 20.0 * math.log10(peak.value)
             axes.plot(peak.frequency, level, "o", color=colour, markersize=4)
@@ -218,7 +218,7 @@ def other_bandwidths(setup: Setup, tuned: Tuned, closed_loop: ClosedLoop) -> Fig
         middle.set(ylabel="Ms", ylim=(1.0, 5.0))
         below.set(ylabel=f"least stiffness [{unit}]", ylim=(0.0, None), xlabel="bandwidth [Hz]")
         degrees = math.degrees(tuned.demand.margin)
-        _refused(above, (0.0, degrees), degrees, f"required {degrees:.3g} deg", f[0])
+        _refused(above, (0.0, degrees), degrees, f">= {degrees:.3g} deg", f[0])
         if math.isfinite(tuned.demand.peak):
             _refused(middle, (tuned.demand.peak, 5.0), tuned.demand.peak, f"Ms <= {tuned.demand.peak:g}", f[0])
     return figure

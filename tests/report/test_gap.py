@@ -17,8 +17,8 @@ from stagectl.report import interactive
 from stagectl.report.constants import MOST_ROWS
 from stagectl.report.gap import figures
 from stagectl.report.gap.chain import chain, drawing
-from stagectl.report.gap.page import page, typeset
-from stagectl.report.page import write
+from stagectl.report.gap.page import page
+from stagectl.report.page import typeset, write
 from tests.gap.examples import BLOCKS, COGGING, MICRON, PER_UNIT, every, found
 
 FOUND = every()
@@ -54,7 +54,7 @@ def test_every_verdict_has_its_page(
     if verdict != "effects":  # one page has its images, which take most of the time
         monkeypatch.setattr(interactive, "embedded", lambda figure, dpi: "data:image/png;base64,")
     made = page(FOUND[verdict], "captures", ["stagectl gap diagnose captures"])
-    assert made.answer == typeset(FOUND[verdict].sentence)
+    assert made.answer == FOUND[verdict].sentence
     text = write(made, tmp_path / "page.html").read_text()
     assert present in text and absent not in text
     assert "nan" not in text.split("data:image")[0].lower() and "not known %" not in text

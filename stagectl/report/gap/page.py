@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 
 from matplotlib.figure import Figure
@@ -20,7 +19,6 @@ from stagectl.report.page import Page, Picture, Section
 from stagectl.report.tables import gap as tables
 
 _ANY_STAGE = "STAGE.yaml"  # of logs that no file is known for
-_UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b)")
 
 
 def page(result: DiagnosisResult, place: str, commands: list[str], stored: str = "", stage: str = _ANY_STAGE) -> Page:
@@ -32,7 +30,7 @@ def page(result: DiagnosisResult, place: str, commands: list[str], stored: str =
     sections = [part(result, stored or place) for part in parts]
     return Page(
         f"stagectl gap diagnose: {place}",
-        typeset(result.sentence or verdict_text.sentence(result)),
+        result.sentence or verdict_text.sentence(result),
         _basis(result),
         [],
         [],
@@ -43,14 +41,8 @@ def page(result: DiagnosisResult, place: str, commands: list[str], stored: str =
 
 
 def _of_stage(section: Section, stage: str) -> Section:
-    """The section with this stage file in its commands, its words typeset."""
-    commands = tuple(line.replace(_ANY_STAGE, shlex.quote(stage)) for line in section.commands)
-    return section._replace(words=[typeset(words) for words in section.words], commands=commands)
-
-
-def typeset(text: str) -> str:
-    """With an arrow for ``->``, and no line break between a number and its unit."""
-    return _UNIT.sub("\\1\u00a0\\2", text.replace(" -> ", "\u00a0→ "))
+    """The section with this stage file in its commands."""
+    return section._replace(commands=tuple(line.replace(_ANY_STAGE, shlex.quote(stage)) for line in section.commands))
 
 
 def _basis(result: DiagnosisResult) -> list[str]:
@@ -112,7 +104,7 @@ def _motion(result: DiagnosisResult, _place: str) -> Section | None:
 
 
 def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
-    return interactive.picture(figure, typeset(caption), figures.DPI, least)
+    return interactive.picture(figure, caption, figures.DPI, least)
 
 
 def _shares(result: DiagnosisResult, _place: str) -> Section | None:
@@ -173,10 +165,12 @@ def _following(result: DiagnosisResult, place: str) -> Section | None:
     lines = [*ambiguous, *verdict_text.advice(result)]
     commands = []
     if result.next_experiment is not None and result.next_experiment.trajectory:
-        lines.append("The command gap next writes its trajectory, and prints the commands that run it and diagnose again.")
+        lines.append("The command gap next writes it, and prints the commands that run it and diagnose again.")
         commands = [f"stagectl gap next {place}"]
     if any(effect.fields for effect in result.named):
-        lines.append("The command gap apply adds the named effects to the stage file. It shows the patch before it writes.")
+        lines.append(
+            "The command gap apply adds the named effects to the stage file. It shows the patch before it writes."
+        )
         commands.append(f"stagectl gap apply {place} {_ANY_STAGE}")
     title = "Ambiguities and next steps" if ambiguous else "Next steps"
     return Section(title, lines, [], [], tuple(commands)) if lines else None

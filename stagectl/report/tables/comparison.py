@@ -11,8 +11,10 @@ Result = dict[str, Any]
 
 
 def tables(result: Result) -> list[Table]:
-    """Errors of each variant, then the paired differences."""
+    """Errors of each variant, then the paired differences; of a single repeat the errors alone."""
     unit = result["unit"]
+    if len(result["order"]) == 1:
+        return [_single(result, unit)]
     rows = [
         [
             row["name"],
@@ -27,6 +29,14 @@ def tables(result: Result) -> list[Table]:
         if key == "against_first" or against["other"] != result["variants"][0]["name"]:
             shown.append(_against(against, unit))
     return shown
+
+
+def _single(result: Result, unit: str) -> Table:
+    rows = [
+        [row["name"], *(length(row[measure]["mean"], unit) for measure in ("peak", "rms"))]
+        for row in result["variants"]
+    ]
+    return Table("Tracking error", ["variant", "peak", "rms"], rows)
 
 
 def _against(against: Result, unit: str) -> Table:

@@ -89,7 +89,7 @@ def _notes(result: Acceptance, signature: dict[str, Any]) -> list[str]:
     drive = _VIRTUAL if result.virtual else "a drive on the bench"
     code = signature["hmac_sha256"]
     return [
-        f"{result.person} answers for each step and signed on {result.date}. The drive is {drive}.",
+        f"{result.person} signed on {result.date}, and answers for each step. The drive is {drive}.",
         f"Stage file {result.stage_file}, SHA-256 {result.stage_sha256}; EDS, SHA-256 {result.eds_sha256}.",
         f"SHA-256 of the content: {signature['sha256']}. "
         + (f"HMAC-SHA-256: {code}." if code else "No key was configured: there is no HMAC."),
@@ -144,8 +144,9 @@ def _position(axes: Axes, trace: Trace, colour: str, scale: float) -> None:
 
 
 def _current(axes: Axes, trace: Trace, colour: str) -> None:
-    axes.plot(trace.time, trace.current, color=FAINT, linewidth=2.4, label="commanded")
-    axes.plot(trace.time[: len(trace.flowing)], trace.flowing, color=colour, linewidth=0.9, label="measured")
+    of = f"{trace.name}, " if trace.name else ""
+    axes.plot(trace.time, trace.current, color=FAINT, linewidth=2.4, label=f"{of}commanded")
+    axes.plot(trace.time[: len(trace.flowing)], trace.flowing, color=colour, linewidth=0.9, label=f"{of}measured")
 
 
 def _lines(way: Axes, current: Axes, trace: Trace, scale: float, step: StepResult) -> None:
