@@ -84,9 +84,8 @@ def _scheduling(priority: int) -> Check:
         fix = "LimitRTPRIO=90 in the unit (`stagectl service install` does it), or `ulimit -r 90`"
         return Check("real-time class", False, f"SCHED_FIFO {priority} is not permitted", fix)
     p50, p99, worst = (1e6 * value for value in json.loads(answer))
-    return Check(
-        "real-time class", True, f"SCHED_FIFO {priority}; wakes p50 {p50:.0f}, p99 {p99:.0f}, max {worst:.0f} µs late"
-    )
+    late = f"{p50:.0f} (median), {p99:.0f} (99 %), {worst:.0f} (most) µs late"
+    return Check("real-time class", True, f"SCHED_FIFO {priority}; it wakes {late}")
 
 
 def _wakes() -> tuple[float, float, float]:

@@ -21,6 +21,12 @@ COLUMNS = {
     "current": "the current handed to the drive",
     "command": "the command before its limit",
 }
+_SHOWS = {  # what a motion needs, to show a parameter
+    "inertia": "larger accelerations",
+    "viscous": "higher speeds",
+    "coulomb": "several speeds",
+    "delay": "a position sine with its reference",
+}
 STAGE_KEYS = {"inertia": "mechanics.inertia", "viscous": "mechanics.viscous", "coulomb": "friction"}
 
 
@@ -88,8 +94,7 @@ def _prior(p: Estimate) -> Iterator[Note]:
             continue
         text = (
             f"{name}: the motion says little of it, so it rests on the stage file's {value:.3g} ± {half:.2g} "
-            f"{p.parameters[name].unit}: record larger accelerations for the inertia, higher speeds for the viscous "
-            "friction, a position sine with its reference for the delay"
+            f"{p.parameters[name].unit}: record {_SHOWS[name]}"
         )
         yield Note(Topic.NOT_IDENTIFIED, text)
 
@@ -98,9 +103,9 @@ def _form(p: Estimate) -> Iterator[Note]:
     best, *rivals = p.problem.laws
     behind = ", ".join(f"{laws.LAWS[law.name].words} {0.5 * (law.criterion - best.criterion):.3g}" for law in rivals)
     text = (
-        f"friction: {laws.LAWS[best.name].words} explains it best (log evidence less than that: {behind}), with what "
-        f"dense columns of other laws add; {100.0 * p.answer.form_share:.2g} % of the residual's variance is taken "
-        "for an error of form, which the intervals include"
+        f"friction: {laws.LAWS[best.name].words} explains it best (log evidence lower by: {behind}); "
+        f"{100.0 * p.answer.form_share:.2g} % of the residual's variance is taken for an error of its form, which the "
+        "intervals include"
     )
     yield Note(Topic.METHOD, text)
 
@@ -193,11 +198,8 @@ def _tied(p: Estimate) -> Iterator[Note]:
 def _imprecise(p: Estimate) -> Iterator[Note]:
     for name in ("inertia", "viscous", "coulomb"):
         if p.parameters[name].half > thresholds.UNSURE * abs(p.parameters[name].value):
-            text = (
-                f"{name}: known to ±{_percent(p, name, p.parameters[name].half)} only; record longer, with larger "
-                "accelerations for the inertia and higher speeds for the viscous friction"
-            )
-            yield Note(Topic.PRECISION, text)
+            known = _percent(p, name, p.parameters[name].half)
+            yield Note(Topic.PRECISION, f"{name}: known to ±{known} only; record longer, with {_SHOWS[name]}")
     viscous = p.parameters["viscous"].value
     if viscous < 0.0:
         text = (
