@@ -41,7 +41,7 @@ def following(
 
     diagnosis = load(folder)
     proposal = diagnosis.next_experiment
-    nothing = ["no experiment is proposed: these data leave nothing that one tells"]
+    nothing = ["no experiment is proposed: none would show more than these data do"]
     for line in verdict_text.advice(diagnosis) if proposal else nothing:
         console.print(line)
     written = _written(proposal, folder, output) if proposal else None

@@ -33,6 +33,7 @@ STYLE: dict[Any, Any] = {
     "xtick.color": "#475569",
     "ytick.color": "#475569",
     "legend.frameon": False,
+    "legend.labelcolor": "#334155",
 }
 
 

@@ -198,6 +198,8 @@ def test_what_a_wrong_friction_model_leaves_is_learned(command: Command) -> None
     assert 0.08 < means["ptc+friction"] / means["ptc"] < 0.14
     assert means["ptc+friction+ilc"] < 0.06 * means["ptc+friction"]
     assert "--repeats 5" in err
+    page = Path("there/report.html").read_text()
+    assert "one run each" in page and "error [" in page and "after Holm" not in page
 
 
 COMPENSATORS = """

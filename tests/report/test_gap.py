@@ -16,7 +16,7 @@ from stagectl.gap.result.diagnosis import Coordinate, Spans, Trace
 from stagectl.report import interactive
 from stagectl.report.constants import MOST_ROWS
 from stagectl.report.gap import figures
-from stagectl.report.gap.chain import chain, drawing
+from stagectl.report.gap.chain import WIDTH, chain, drawing
 from stagectl.report.gap.page import page
 from stagectl.report.page import typeset, write
 from tests.gap.examples import BLOCKS, COGGING, MICRON, PER_UNIT, every, found
@@ -104,6 +104,12 @@ def test_nothing_of_the_chain_overlaps() -> None:
     ]
     assert inside and max(float(element.get("y", 0)) for element in inside) < bottom - 4.0
     assert max(7.0 * len(element.text or "") for element in inside) <= float(boxes[1].get("width", 0))
+
+
+def test_a_narrow_screen_begins_at_the_block_with_the_largest_share() -> None:
+    picture = chain(FOUND["effects"])
+    (place,) = [t for t in ET.fromstring(drawing(FOUND["effects"])).iter(f"{SVG}text") if t.text == "mechanics"]
+    assert picture.middle == pytest.approx(float(place.get("x", 0)) / WIDTH)
 
 
 def test_the_picture_is_the_drawing() -> None:

@@ -43,6 +43,11 @@ def test_the_peak_of_the_start_is_told_apart(tmp_path: Path) -> None:
     limits = panels(run)["Tracking error"]
     assert later < 0.1 * whole and limits is not None
     assert limits[1] < 1e9 * whole
+    frame, caption = next(
+        shown[1:] for shown in _panels(run.recording.samples, run.recording.meta) if "error" in shown[2]
+    )
+    assert frame.outside is not None and caption.endswith(f"Its peak lies outside: {frame.outside[0]}.")
+    assert frame.outside[0].startswith(f"{1e9 * whole:.0f} nm at ")
 
 
 def test_the_current_of_an_axis_at_rest(tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from stagectl.gap.validation.thresholds import NEARLY_CLOSEST
 from stagectl.kernels.stage import Stage
 
 NOTHING_HELD_OUT = (
-    "no log is held out: the gap after is that of blocks of the runs, each with values that the other blocks gave; the "
-    "effects themselves were chosen on all of them"
+    "no log is held out: the gap after is that of blocks of the runs, each with the values that were fitted to "
+    "the other blocks; the effects themselves were chosen on all blocks"
 )
 NOTHING_CLOSER = (
     "no fitted model brings the simulation closer to the runs that it was fitted on, so none is applied: the gap after "

@@ -5,7 +5,7 @@ import { axisLook, calm, curves, envelope, legend, missing, ticks, veils } from 
 const PANELS = [
   { id: "position", names: ["target", "measured"], labels: ["target", "actual position"] },
   { id: "error", names: ["error"], labels: ["tracking error"] },
-  { id: "current", names: ["current", "measured_current"], labels: ["current, command", "measured"] },
+  { id: "current", names: ["current", "measured_current"], labels: ["commanded", "measured current"] },
 ];
 // s between two messages at most.  The picture lags the newest bucket by this and one bucket, so it moves with every
 // frame of the screen, not with every message.
