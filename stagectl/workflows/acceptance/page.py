@@ -165,7 +165,7 @@ def _lines(way: Axes, current: Axes, trace: Trace, scale: float, step: StepResul
 def _bounds(way: Axes, trace: Trace, origin: float, scale: float, step: StepResult) -> None:
     """Where the bound counts from, the farthest that was measured, and the bound, in the direction of the motion."""
     sign = math.copysign(1.0, trace.position[-1] - trace.position[0])
-    way.axhline(scale * origin, color=FAINT, linestyle=":", label="bound counts from here")
+    way.axhline(scale * origin, color=FAINT, linestyle=":", label="bound from here")
     if step.measured is not None:
         farthest = scale * (origin + sign * step.measured)
         way.axhline(farthest, color=TARGET, linewidth=1.0, label="farthest measured")
