@@ -44,7 +44,7 @@ from stagectl.gap.result.diagnosis import (
 )
 from stagectl.gap.result.verdict_text import sentence
 from stagectl.gap.selection import (
-    baseline_fit,
+    bristle_shape,
     candidates,
     null_ensemble,
     refine,
@@ -153,7 +153,7 @@ def unidentifiable(session: Session) -> str:
 def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
     """The training runs, with the nominal model refitted to them; `excluded` parameters stay at their values."""
     training, nominal = runs(session), sensitivities.model_of(session, session.stage)
-    return refine.evidence(training, baseline_fit.refit(session, training, nominal, excluded))
+    return refine.evidence(training, bristle_shape.refit(session, training, nominal, excluded))
 
 
 def scales_of(session: Session, e: Evidence) -> Scales:

@@ -55,16 +55,18 @@ def members(nominal: stage.Stage) -> list[Direction]:
     if nominal.friction.bristle.coulomb > 0.0:
         return []
     size = thresholds.MEMBER_CHANGE * friction_family.size(nominal)
-    return [_member(f"{MEMBER}{k}", p, size) for k, p in enumerate(friction_family.bristles(nominal))]
+    return [member(f"{MEMBER}{k}", p, size) for k, p in enumerate(friction_family.bristles(nominal))]
 
 
-def _member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
+def member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
+    """The bristle `p`, as strong as `size` (N m | N)."""
     bristle = p._replace(coulomb=size, stiffness=p.stiffness * size / p.coulomb)
-    return Direction(name, lambda m: m._replace(stage=_with_bristle(m.stage, bristle)), size)
+    return Direction(name, lambda m: with_bristle(m, bristle), size)
 
 
-def _with_bristle(p: stage.Stage, bristle: friction_bristle.Bristle) -> stage.Stage:
-    return p._replace(friction=p.friction._replace(bristle=bristle))
+def with_bristle(m: TrackedModel, bristle: friction_bristle.Bristle) -> TrackedModel:
+    """`m` with this bristle in the place of its own."""
+    return m._replace(stage=m.stage._replace(friction=m.stage.friction._replace(bristle=bristle)))
 
 
 def with_best(family: Family, model: TrackedModel, data: Data, names: Sequence[str], prior: Prior) -> Family:
@@ -98,7 +100,7 @@ def _in_best_shape(
         bent = p._replace(
             stiffness=p.stiffness / length, exponent=float(np.clip(p.exponent * exponent, *thresholds.EXPONENTS))
         )
-        return _member(coarse.name, bent, p.coulomb)
+        return member(coarse.name, bent, p.coulomb)
 
     def joined(direction: Direction) -> gram_matrices.Products:
         return gram_matrices.with_columns(kept, all_columns(model, data.runs, [direction], data.noise))

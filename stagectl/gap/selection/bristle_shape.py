@@ -1,0 +1,92 @@
+"""The bristle of the base fitted in range and exponent as well, together with all other parameters of the base.
+
+Where the nominal friction is another law, the model does not stay on the measured path in its rolling zone, so that
+columns around it tell little of a bristle's shape.  Around a model that has the bristle they do.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from stagectl.gap.logs.session import Session
+from stagectl.gap.residuals import gram_matrices
+from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, residuals_of
+from stagectl.gap.selection import baseline_fit, bristle_members, priors, thresholds
+from stagectl.gap.selection.baseline_fit import BaselineFit
+
+SHAPES = ("shape_length", "shape_exponent")  # logarithms
+_MOST = math.log(thresholds.SHAPE_FACTOR)
+
+
+def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: Sequence[str] = ()) -> BaselineFit:
+    """`baseline_fit.refit`, and where it has chosen a bristle, that in its best shape."""
+    fit = baseline_fit.refit(session, runs, nominal, frozen)
+    member = fit.bristle
+    if member is None or not fit.model.stage.friction.bristle.coulomb:
+        return fit
+    for _ in range(thresholds.SHAPE_STEPS):
+        after = _stepped(fit, runs, member)
+        gain = _left(runs, fit) - _left(runs, after)
+        fit = after
+        if gain < thresholds.SHAPE_SETTLED * _left(runs, fit):
+            break
+    return _with_columns(fit, runs, member)
+
+
+def _left(runs: Sequence[Run], fit: BaselineFit) -> float:
+    return baseline_fit.sum_of_squares(runs, fit.after)
+
+
+def _stepped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> BaselineFit:
+    """One Gauss-Newton step, or the share of it that brings the model closer to the data; else the same fit."""
+    free = [one for one in fit.directions if not bristle_members.is_member(one.name)]
+    names = [*baseline_fit.parameter_names(free), member.name]
+    columns = all_columns(fit.model, runs, [*free, *_of_bristle(fit, member)], fit.noise)
+    g = gram_matrices.fold_sums(gram_matrices.products(runs, columns, baseline_fit.START), fit.after)
+    weight = priors.temper(g, names, fit.prior)
+    limits = np.concatenate([fit.prior.limits(fit.model, names), np.tile([-_MOST, _MOST], (len(SHAPES), 1))])
+    step = priors.bounded_step(g, [*names, *SHAPES], limits, fit.prior.informed(fit.model, names), weight)
+
+    def cost(fit: BaselineFit) -> float:
+        return weight * _left(runs, fit) + fit.prior.cost(fit.model, names)
+
+    for share in thresholds.STEP_SHARES:
+        move = {name: share * value for name, value in step.items()}
+        model = _bent(baseline_fit.moved(fit.model, move, member, fit.prior.dt), move)
+        after = fit._replace(model=model, after=residuals_of(model, runs, fit.noise))
+        if cost(after) < cost(fit):
+            return after
+    return fit
+
+
+def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:
+    """The directions of the force of the bristle that is in the model, and of its shape."""
+    force, change = {member.name: member.size}, thresholds.SHAPE_SENSITIVITY
+    return [
+        member._replace(change=lambda m: baseline_fit.moved(m, force, member, fit.prior.dt)),
+        *(Direction(name, functools.partial(_bent, move={name: change}), change) for name in SHAPES),
+    ]
+
+
+def _bent(m: TrackedModel, move: Mapping[str, float]) -> TrackedModel:
+    """`m` with its bristle in another range and exponent, as strong as before."""
+    p = m.stage.friction.bristle
+    length, exponent = (math.exp(move.get(name, 0.0)) for name in SHAPES)
+    exponent = float(np.clip(p.exponent * exponent, *thresholds.EXPONENTS))
+    return bristle_members.with_bristle(m, p._replace(stiffness=p.stiffness / length, exponent=exponent))
+
+
+def _with_columns(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> BaselineFit:
+    """`fit` with the column of its bristle's shape in the place of the one that was chosen first."""
+    nominal, shape = fit.prior.nominal, fit.model.stage.friction.bristle
+    new = bristle_members.member(member.name, shape, member.size)
+    names = [name for name in fit.products.names if name != member.name]
+    kept = gram_matrices.selected(fit.products, names)
+    products = gram_matrices.with_columns(kept, all_columns(nominal, runs, [new], fit.noise))
+    directions = tuple(new if one is member else one for one in fit.directions)
+    return fit._replace(products=products, directions=directions, bristle=new)
