@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from stagectl.api.arguments import PathLike, ProgressOption, paths_of, reported
+from stagectl.api.arguments import ArgumentError, PathLike, ProgressOption, paths_of, reported
 from stagectl.api.checked import checked
 from stagectl.api.record import named_columns
 from stagectl.api.result import ReportedResult, Sheet, drawn, frame
@@ -18,8 +18,9 @@ from stagectl.extras import require
 from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import excluded
 from stagectl.gap.logs import load_session
+from stagectl.gap.logs.session import LogError, Session
 from stagectl.gap.logs.sources import Description
-from stagectl.gap.logs.unit_check import check_units
+from stagectl.gap.logs.unit_check import check_units, inertia_doubt
 from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffect, Gap, NextExperiment, Spans
 from stagectl.gap.steps import in_percent
@@ -27,7 +28,7 @@ from stagectl.gap.steps import in_percent
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from stagectl.gap.logs.session import Session
+    from stagectl.config.stage_file import Setup
     from stagectl.kernels.stage import Stage
     from stagectl.report.page import Page
 
@@ -196,12 +197,23 @@ def diagnose(
     setup = None if stage is None else as_stage(stage).setup
     logs = load_session.load(places, setup, said)
     if not doubtful:
-        check_units(logs)
+        _check(logs, model, setup)
     with reported(progress, "diagnosis", 100) as update:
         outcome = pipeline.diagnose(logs, options, in_percent(update))
         update(100, 100)
     answer = GapDiagnosis(places[0], outcome.result, logs, outcome.improved)
     return answer if setup is None else replace(answer, stage=setup.path)
+
+
+def _check(logs: Session, model: Mapping[str, float | str] | PathLike | None, setup: Setup | None) -> None:
+    """Raises LogError, or ArgumentError about `model`, where logs or inertia cannot be in the units that they say."""
+    check_units(logs)
+    if not (doubt := inertia_doubt(logs)):
+        return
+    if setup is None and isinstance(model, Mapping):
+        raise ArgumentError("model", "inertia", doubt)
+    place = "inertia of the nominal model" if setup is None else f"mechanics.inertia of {setup.path}"
+    raise LogError("model", tuple(log.name for log in logs.logs), f"{place}{doubt}")
 
 
 def _described(columns: Mapping[str, str] | None, model: Mapping[str, float | str] | PathLike | None) -> Description:

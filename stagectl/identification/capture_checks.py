@@ -22,16 +22,6 @@ from stagectl.recording import wrong_units
 from stagectl.recording.clipping import clipped
 from stagectl.units import LINEAR
 
-# Powers of ten that a wrong unit puts on J ~ i t^2/x, D ~ i t/x and friction ~ i.
-_DECADES = (
-    ("positions a thousand times too large", {"inertia": -3, "viscous": -3, "coulomb": 0}),
-    ("positions a thousand times too small", {"inertia": 3, "viscous": 3, "coulomb": 0}),
-    ("times a thousand times too large", {"inertia": 6, "viscous": 3, "coulomb": 0}),
-    ("times a thousand times too small", {"inertia": -6, "viscous": -3, "coulomb": 0}),
-    ("currents a thousand times too large", {"inertia": 3, "viscous": 3, "coulomb": 3}),
-    ("currents a thousand times too small", {"inertia": -3, "viscous": -3, "coulomb": -3}),
-)
-
 
 def suspicions(capture: Capture, setup: Setup) -> list[Note]:
     """Reasons against using the capture, for the user; empty where there are none."""
@@ -86,12 +76,22 @@ def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:
     if not far:
         return []
     words = [f"{name} is {values[name]:.3g}, {nominal[name]:.3g} in the stage file" for name in far]
-    powers = {name: round(math.log10(ratio)) for name, ratio in ratios.items() if ratio > 0.0}
-    causes = [
-        cause for cause, shape in _DECADES if all(abs(shape[name] - power) <= 1 for name, power in powers.items())
-    ]
-    cause = f" ({' or '.join(causes)})" if causes and len(powers) == len(ratios) else ""
-    return [f"{'; '.join(words)}: not the same machine, or a wrong unit{cause}"]
+    return [f"{'; '.join(words)}: not the same machine, or a wrong unit{_cause(ratios)}"]
+
+
+def _cause(ratios: Mapping[str, float]) -> str:
+    """The mistakes that give what was found these `ratios` to the stage file's values."""
+    if min(ratios.values()) <= 0.0:
+        return ""
+    off = {mistake: _decades(mistake, ratios) for mistake in wrong_units.MISTAKES if mistake.current > 0.0}
+    most = min(min(off.values()) + thresholds.ALIKE_DECADES, thresholds.CAUSE_DECADES)
+    causes = [mistake.words for mistake, decades in off.items() if decades <= most]
+    return f": it fits if {', or '.join(causes)}" if causes else ""
+
+
+def _decades(mistake: wrong_units.Mistake, ratios: Mapping[str, float]) -> float:
+    """Powers of ten by which a mistake misses the worst of the `ratios`."""
+    return max(abs(math.log10(ratio / mistake.on_parameters[name])) for name, ratio in ratios.items())
 
 
 def _jumps(capture: Capture, setup: Setup) -> list[Note]:

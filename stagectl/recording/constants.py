@@ -74,6 +74,21 @@ USUAL_COUNTS = (12, 24)  # powers of two of an encoder's counts a turn
 SURE_BY_NAME, SURE_BY_PHYSICS, SURE_BY_MAGNITUDE, SURE_BY_DEFAULT = 0.95, 0.9, 0.5, 0.3  # how sure a guess is
 LEAST_SURE = 0.5  # a guess that is less sure is not imported unasked
 
+# Logs in wrong units.
+CONFUSED = {  # units that are taken for each other: every pair, in both directions
+    "time": (("s", "ms", "us"),),
+    "position": (("rad", "deg", "rev"), ("m", "mm", "um")),
+    "current": (("A", "mA"),),
+}
+LEAST_RATIO = 10.0  # of two units: a smaller one may be a model that is wrong by a factor of three, twice
+SAME_RATIO = 1e-6  # relative difference of two ratios that are one, but for rounding
+MODEL_FITS, MODEL_DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
+MUCH_BETTER = 0.45  # times the unexplained share as recorded: a ratio of two units is not found by chance
+MOTION_BAND = 0.02  # cycles a sample: the motion is below, noise above
+CHECKED_ROWS = 50_000  # rows that are looked at; longer logs are averaged in blocks
+UNIT_SLOW = 1e-3  # of the largest speed: below it the model's friction changes its sign smoothly
+LEAST_EXCESS = 10.0  # times a log's largest effort: measured records with a guessed inertia reach 1.05
+
 # Currents that are cut off at a limit.
 CLIPPED_SIDE = 0.5  # of the largest current: a limit on the other side may be lower
 CLIPPED_RUN = 5  # consecutive equal rows at the largest current

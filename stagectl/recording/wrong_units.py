@@ -1,11 +1,12 @@
 """Logs in wrong units or of the wrong sign.
 
-The model's force is compared with the logged one as it is, and after each mistake that people make.  Nominal values
-may be wrong by a factor of three without a complaint.
+The model's force is compared with the logged one as it is, and after each mistake that two units allow, in both
+directions.  Nominal values may be wrong by a factor of three without a complaint.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -14,14 +15,20 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from stagectl.kernels import stage
+from stagectl.recording.constants import (
+    CHECKED_ROWS,
+    CONFUSED,
+    LEAST_RATIO,
+    MODEL_DIFFERS,
+    MODEL_FITS,
+    MOTION_BAND,
+    MUCH_BETTER,
+    SAME_RATIO,
+    UNIT_SLOW,
+)
+from stagectl.units import factor
 
 Array = NDArray[np.float64]
-
-# Chosen; a nominal model may be wrong by a factor of three.
-MODEL_FITS, MODEL_DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
-MUCH_BETTER = 0.45  # times the unexplained share as recorded: a factor of 1000 is not found by chance
-MOTION_BAND = 0.02  # cycles a sample: the motion is below, noise above
-CHECKED_ROWS = 50_000  # rows that are looked at; longer logs are averaged in blocks
 
 TURN = "positive current must move towards positive positions: turn the sign in the log, or go on with --doubtful"
 ADVICE = "name the unit in the column's header or in --columns (position=3:mm), or go on with --doubtful"
@@ -41,15 +48,39 @@ class Mistake(NamedTuple):
         advice = TURN if self.current < 0.0 else ADVICE
         return f"the force fits the model if {self.words}, and does not as it is: {advice}"
 
+    @property
+    def on_parameters(self) -> dict[str, float]:
+        """Factors that it puts on what is found: J ~ i t^2/x, D ~ i t/x and friction ~ i."""
+        coulomb = 1.0 / self.current
+        viscous = coulomb * self.position / self.time
+        return {"inertia": viscous / self.time, "viscous": viscous, "coulomb": coulomb}
+
+
+def _ratios(families: tuple[tuple[str, ...], ...]) -> dict[float, list[str]]:
+    """By the factor that corrects a column: the units that it is in, and those that were named for it."""
+    found: dict[float, list[str]] = {}
+    for units in families:
+        for real, named in itertools.permutations(units, 2):
+            ratio = factor(real, named)
+            if abs(math.log(ratio)) > math.log(LEAST_RATIO):
+                same = next((known for known in found if abs(known / ratio - 1.0) < SAME_RATIO), ratio)
+                found.setdefault(same, []).append(f"in {real} where {named} is named")
+    return found
+
+
+def _wrong(column: str) -> list[Mistake]:
+    """Every mistake between two units of a `column`: time, position or current."""
+    mistakes = []
+    for ratio, pairs in _ratios(CONFUSED[column]).items():
+        off = max(ratio, 1.0 / ratio)
+        size = f"{off:.{0 if off >= 100.0 else 1}f} times too {'large' if ratio < 1.0 else 'small'}"
+        words = f"the {column}s are {size} ({' or '.join(pairs)})"
+        mistakes.append(Mistake(1.0, 1.0, 1.0, words)._replace(**{column: ratio}))
+    return mistakes
+
 
 MISTAKES = (
-    Mistake(1e-3, 1.0, 1.0, "the times are in ms (divide them by 1000)"),
-    Mistake(1e3, 1.0, 1.0, "the times are a thousand times too small"),
-    Mistake(1.0, 1e-3, 1.0, "the positions are a thousand times too large"),
-    Mistake(1.0, 1e3, 1.0, "the positions are a thousand times too small"),
-    Mistake(1.0, math.pi / 180.0, 1.0, "the positions are in degrees"),
-    Mistake(1.0, 1.0, 1e-3, "the currents are in mA (divide them by 1000)"),
-    Mistake(1.0, 1.0, 1e3, "the currents are a thousand times too small"),
+    *itertools.chain.from_iterable(map(_wrong, CONFUSED)),
     Mistake(1.0, 1.0, -1.0, "the current has the opposite sign"),
 )
 
@@ -90,7 +121,7 @@ def _unexplained(motion: Motion, p: stage.Stage, wrong: Mistake) -> float:
     v = motion.velocity * (wrong.position / wrong.time)
     a = motion.acceleration * (wrong.position / wrong.time**2)
     coulomb = stage.sliding(p.friction)
-    slow = 1e-3 * float(np.abs(v).max())
+    slow = UNIT_SLOW * float(np.abs(v).max())
     model = p.mechanics.inertia * a + p.mechanics.viscous * v + coulomb * v / (np.abs(v) + slow)
     force = p.motor.force_constant * wrong.current * motion.current
     difference = (force - force.mean()) - (model - model.mean())

@@ -9,12 +9,15 @@ import pytest
 
 from stagectl.gap import diagnose
 from stagectl.gap.logs.session import Session
+from stagectl.gap.logs.unit_check import check_units, inertia_doubt
 from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect
 from tests.gap import measured
 
 
 def answer(session: Session) -> DiagnosisResult:
     """The diagnosis, checked for what no answer may say."""
+    check_units(session)
+    assert inertia_doubt(session) == ""
     result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
     largest = (
         max(float(abs(log.current).max()) for log in session.logs if log.current is not None)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stagectl as sc
+from stagectl.api.arguments import ArgumentError
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import LogError
-from stagectl.gap.logs.unit_check import check_units
+from stagectl.gap.logs.sources import Description
+from stagectl.gap.logs.unit_check import check_units, inertia_doubt
 from tests.gap.captured import CONFIG
 
 STAGE = CONFIG / "ball-screw.yaml"
@@ -29,7 +32,16 @@ def _log(folder: Path, rows: np.ndarray, header: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("factors", [(1.0, 1.0, 1e3), (1.0, 1.0, -1.0), (1.0, 1.0, 1e-3), (1.0, -1.0, 1.0)])
+DEGREE = math.pi / 180.0
+
+
+@pytest.mark.parametrize(
+    "factors",
+    [
+        (1.0, 1.0, 1e3), (1.0, 1.0, -1.0), (1.0, 1.0, 1e-3), (1.0, -1.0, 1.0),
+        (1.0, DEGREE, 1.0), (1.0, 1.0 / DEGREE, 1.0), (1.0, 1.0 / 360.0, 1.0), (1.0, 1e-3, 1.0),
+    ],
+)  # fmt: skip
 def test_a_wrong_unit_or_sign_is_refused(tmp_path: Path, rows: np.ndarray, factors: tuple[float, ...]) -> None:
     log = _log(tmp_path, rows * factors, "time_s,position_rad,current_A")
     with pytest.raises(LogError) as caught:
@@ -42,6 +54,24 @@ def test_another_machine_of_the_kind_is_not(tmp_path: Path, rows: np.ndarray, sc
     """Nominal values may be wrong by a factor of two and a half."""
     log = _log(tmp_path, rows * (1.0, 1.0, scale), "time_s,position_rad,current_A")
     check_units(load([log], load_stage(STAGE)))
+
+
+def test_an_inertia_in_another_unit_is_refused(tmp_path: Path, rows: np.ndarray) -> None:
+    """100 kg cm^2 written as 100 kg m^2: the place, the value, and the range that the log admits."""
+    log = _log(tmp_path, rows, "time_s,position_rad,current_A")
+    model = {"kind": "rotary", "force_constant": 0.72, "inertia": 100.0}
+    with pytest.raises(ArgumentError, match=r"100 kg m\^2.* must lie in \(0, 0\.1") as caught:
+        sc.diagnose(log, model=model)
+    assert (caught.value.name, caught.value.value) == ("model", "inertia")
+
+
+@pytest.mark.parametrize("inertia", [0.001, 0.01, 0.05])
+def test_a_roughly_known_inertia_is_not(tmp_path: Path, rows: np.ndarray, inertia: float) -> None:
+    log = _log(tmp_path, rows, "time_s,position_rad,current_A")
+    said = Description(stage={"kind": "rotary", "force_constant": 0.72, "inertia": inertia})
+    session = load([log], said=said)
+    check_units(session)
+    assert inertia_doubt(session) == ""
 
 
 def test_an_axis_at_rest_identifies_nothing(tmp_path: Path, rows: np.ndarray) -> None:

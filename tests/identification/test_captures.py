@@ -131,15 +131,16 @@ def interlaced(columns: dict[str, Array]) -> None:
         (lambda c: c["time"].__imul__(1e3),
          [Topic.UNITS], "in ms"),
         (lambda c: c["time"].__imul__(1e-3),
-         [Topic.LIMIT, Topic.UNITS], "times are a thousand times too small"),
+         [Topic.LIMIT, Topic.UNITS], "times are 1000 times too small"),
         (lambda c: c["measured"].__imul__(1e3),
-         [Topic.LIMIT, Topic.LIMIT, Topic.UNITS], "positions are a thousand times too large"),
-        (lambda c: c["measured"].__imul__(1e-3), [Topic.UNITS], "positions are a thousand times too small"),
+         [Topic.LIMIT, Topic.LIMIT, Topic.UNITS], "positions are 1000 times too large"),
+        (lambda c: c["measured"].__imul__(1e-3), [Topic.UNITS], "positions are 1000 times too small"),
         (lambda c: c["measured_current"].__imul__(1e3),
          [Topic.LIMIT, Topic.UNITS], "in mA"),
-        (lambda c: c["measured_current"].__imul__(1e-3), [Topic.UNITS], "currents are a thousand times too small"),
+        (lambda c: c["measured_current"].__imul__(1e-3), [Topic.UNITS], "currents are 1000 times too small"),
         (lambda c: c["measured_current"].__imul__(-1.0), [Topic.UNITS], "opposite sign"),
-        (lambda c: c["measured"].__imul__(180.0 / math.pi), [Topic.LIMIT, Topic.LIMIT, Topic.UNITS], "in degrees"),
+        (lambda c: c["measured"].__imul__(180.0 / math.pi), [Topic.LIMIT, Topic.LIMIT, Topic.UNITS], "in deg"),
+        (lambda c: c["measured"].__imul__(math.pi / 180.0), [Topic.UNITS], "in rad where deg is named"),
     ],
 )  # fmt: skip
 def test_a_spoilt_recording_is_refused(
@@ -157,7 +158,7 @@ def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw
     assert topics(capture.notes) == {Topic.LIMIT, Topic.UNITS} and "in mA" in capture.notes[-1]
     (strange,) = implausible({"inertia": 11.0, "viscous": 130.0, "coulomb": 900.0}, ball_screw)
     assert "inertia is 11, 0.01 in the stage file; viscous is 130, 0.14" in strange
-    assert strange.endswith("(currents a thousand times too large)")
+    assert "the currents are 1000 times too large" in strange
 
 
 @pytest.mark.parametrize(
@@ -165,9 +166,10 @@ def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw
     [
         ((0.011, 0.13, 0.9), None),
         ((0.2, 0.13, 0.9), None),
-        ((11.0, 130.0, 0.9), "positions a thousand times too small"),
-        ((1.1e4, 130.0, 0.9), "times a thousand times too large"),
-        ((1.1e-5, 1.3e-4, 0.9e-3), "currents a thousand times too small"),
+        ((11.0, 130.0, 0.9), "positions are 1000 times too small"),
+        ((0.563, 7.8, 0.9), "in rad where deg is named"),
+        ((1.1e4, 130.0, 0.9), "times are 1000 times too large"),
+        ((1.1e-5, 1.3e-4, 0.9e-3), "currents are 1000 times too small"),
         ((-0.011, 0.13, 0.9), "not the same machine, or a wrong unit"),
     ],
 )

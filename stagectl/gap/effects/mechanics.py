@@ -37,7 +37,7 @@ def _viscous_nonlinear(s: Scales) -> Parameters:
 def _cable_spring(s: Scales) -> Parameters:
     """Fitted around the middle of the travel, where it is no constant force; `cable_centre` finds its own centre."""
     return Parameters(
-        (Amplitude("stiffness", _STIFFNESS, (0.1 * s.coulomb / s.stroke,)),),
+        (Amplitude("stiffness", _STIFFNESS, (0.1 * s.coulomb / s.stroke,), 0.0),),
         (Shape("centre", "rad | m", (s.centre,), False, s.centre - s.stroke, s.centre + s.stroke),),
         filled("mechanics.cable", stiffness="stiffness", centre="centre"),
     )
