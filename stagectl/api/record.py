@@ -196,7 +196,7 @@ def load_log(
 def _in_python(reason: str) -> str:
     """The option of the command line as the argument that it is here."""
     return (
-        re.sub(r"--columns (\w+=[^\s;)]*)", r"columns='\1'", reason)
+        re.sub(r"--columns (\w+=[^\s;)]*[^\s;):])", r"columns='\1'", reason)
         .replace("--columns", "`columns`")
         .replace("--stage", "`stage`")
     )

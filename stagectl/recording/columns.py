@@ -27,6 +27,7 @@ _CURRENTS = {
     **dict.fromkeys(("current", "force", "torque", "measured_current"), "measured_current"),
     "injection": "injection",
 }
+MOTIONS = ("position", "velocity", "reference")  # in units that nobody guesses
 QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
 CHOICES = ("time", "position", "velocity", "current", "command", "reference", "injection")
 _HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z][A-Za-z .*·]*))?")
@@ -58,8 +59,13 @@ class Choice(NamedTuple):
     quantity: str
     name: str  # in the log: a header, a variable, or the number of a column, from 1
     number: int  # of the column within a matrix, from 1; 0: it is a vector
-    unit: str  # empty: s, A, and rad or m as the axis has it
+    unit: str  # empty: that of its name, else s or A; a motion must have one
     sign: float = 1.0  # -1: the column is turned
+
+    @property
+    def written(self) -> str:
+        """The column as ``--columns`` has it, without its unit."""
+        return f"{'-' if self.sign < 0.0 else ''}{self.name}{f'[{self.number}]' if self.number else ''}"
 
 
 def choices(words: Mapping[str, str] | None) -> list[Choice]:
@@ -90,6 +96,25 @@ def split(text: str) -> dict[str, str]:
     return pairs("--columns", text, "QUANTITY=COLUMN", EXAMPLE)
 
 
+def check_kind(path: Path, column: str, kind: str, taken: Scales | None) -> None:
+    """Raise RecordingError where the log says by a `column` that its axis is of another kind than the one `taken`."""
+    if taken is not None and taken.kind != kind:
+        reason = (
+            f"{path} has {column}, so its axis is {kind}, and the stage's is {taken.kind}: give the log's own stage"
+        )
+        raise RecordingError(reason, path, ProblemKind.CONFLICT, column=column)
+
+
+def check_once(path: Path, places: Mapping[str, tuple[object, str]]) -> None:
+    """Raise RecordingError where two of our columns are at one place of the log; `places` hold it and its name."""
+    taken: dict[object, str] = {}
+    for ours, (place, name) in places.items():
+        if place in taken:
+            reason = f"--columns names {name} of {path} as {taken[place]} and as {ours}: name each column once"
+            raise RecordingError(reason, path, ProblemKind.REPEATED, column=name)
+        taken[place] = ours
+
+
 def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
     """Our column for a quantity, and the factor that brings it into SI; without a unit it is in SI.
 
@@ -108,6 +133,26 @@ def parsed(name: str) -> tuple[str, str] | None:
     """Quantity and unit in a name such as ``position_mm`` or ``torque [N m]``; an empty unit where it has none."""
     match = _HEADER.fullmatch(_BRACKETS.sub(r"_\1", name.strip()))
     return (match[1], match[2] or "") if match else None
+
+
+def unit_of(choice: Choice) -> str:
+    """The unit of a chosen column: as chosen, else as its name says; empty where neither does."""
+    named = parsed(choice.name.rsplit(".", 1)[-1])
+    return choice.unit or (named[1] if named else "")
+
+
+def _unit(choice: Choice, scales: Scales, path: Path) -> str:
+    """The same; of a motion it must be said.  Raises RecordingError where it is not."""
+    unit = unit_of(choice)
+    if unit or choice.quantity not in MOTIONS:
+        return unit
+    known = scales.units(choice.quantity)
+    where = f"{choice.quantity}={choice.written}"
+    reason = (
+        f"--columns {where}: the unit is missing, and {path} does not name it; must be one of {', '.join(known)}: "
+        f"write the one that it is in, such as {where}:{known[0]}"
+    )
+    raise RecordingError(reason, path, ProblemKind.UNIT, column=choice.name)
 
 
 def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
@@ -138,10 +183,11 @@ def of_choices(
     scales = taken or scales_by_unit(units, path)
     known: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:
+        unit = _unit(choice, scales, path)
         try:
-            ours, scale = meaning(choice.quantity, choice.unit, scales)
+            ours, scale = meaning(choice.quantity, unit, scales)
         except StageError as error:
-            reason = f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}"
+            reason = f"--columns {choice.quantity}={choice.written}{unit and f':{unit}'}: {error}"
             raise RecordingError(reason, path, ProblemKind.UNIT, column=choice.name) from error
         if ours in known:
             reason = f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one"

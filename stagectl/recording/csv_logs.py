@@ -19,6 +19,8 @@ from stagectl.recording.columns import (
     Array,
     Choice,
     Log,
+    check_kind,
+    check_once,
     choices,
     meaning,
     of_choices,
@@ -94,6 +96,7 @@ def _preamble(how: Layout) -> str:
 def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice]) -> Log:
     scales, known = of_choices(chosen, taken, path)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
+    check_once(path, {ours: (at, f"column {at + 1}") for ours, (at, _) in places.items()})
     labels = [f"column {number}" for number in range(1, how.width + 1)]
     table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how)
     columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}
@@ -167,8 +170,7 @@ def _of_this_kind(path: Path, names: list[str], scales: Scales) -> None:
     """Raise RecordingError where our own export is of the other kind of axis."""
     kind, unit = (LINEAR, "m") if scales.kind == ROTARY else (ROTARY, "rad")
     if (name := header("measured", unit)) in names:
-        reason = f"{path} has {name}, so its axis is {kind}, and the stage's is {scales.kind}: give the log's own stage"
-        raise RecordingError(reason, path, ProblemKind.CONFLICT, column=name)
+        check_kind(path, name, kind, scales)
 
 
 def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:

@@ -12,7 +12,17 @@ from scipy.io import loadmat
 
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
-from stagectl.recording.columns import Array, Choice, Log, choices, of_choices, parsed
+from stagectl.recording.columns import (
+    Array,
+    Choice,
+    Log,
+    check_kind,
+    check_once,
+    choices,
+    of_choices,
+    parsed,
+    unit_of,
+)
 from stagectl.recording.constants import EMPS_STEP
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.metadata import flat
@@ -32,7 +42,7 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None = None
     if words:
         return _chosen(path, content, taken, choices(words))
     if isinstance(content.get("samples"), dict) and isinstance(content.get("meta"), str):
-        return _ours(path, content)
+        return _ours(path, content, taken)
     if "t" in content and "qm" in content:
         return _emps(path, content, setup)
     named = {name: meaning for name in flat(content) if (meaning := parsed(name.rsplit(".", 1)[-1]))}
@@ -62,14 +72,14 @@ def variables(path: Path) -> dict[str, Any]:
 
 def _chosen(path: Path, content: dict[str, Any], taken: Scales | None, chosen: list[Choice]) -> Log:
     scales, known = of_choices(chosen, taken, path)
+    check_once(path, {ours: ((choice.name, choice.number), choice.name) for ours, (choice, _) in known.items()})
     columns = {ours: scale * _vector(path, content, choice) for ours, (choice, scale) in known.items()}
-    log = _log(path, scales, columns, [_unit_note(choice, scales) for choice in chosen if not choice.unit], {})
+    log = _log(path, scales, columns, [_unit_note(choice) for choice in chosen if unit_of(choice) == ""], {})
     return log._replace(labels={ours: choice.name for ours, (choice, _) in known.items()})
 
 
-def _unit_note(choice: Choice, scales: Scales) -> str:
-    length = "m" if scales.kind == LINEAR else "rad"
-    unit = {"time": "s", "position": length, "reference": length}.get(choice.quantity, "A")
+def _unit_note(choice: Choice) -> str:
+    unit = "s" if choice.quantity == "time" else "A"
     return f"{choice.name} has no unit: it is taken as the {choice.quantity} in {unit}"
 
 
@@ -112,7 +122,7 @@ def _log(path: Path, scales: Scales, columns: dict[str, Array], notes: list[str]
     return Log(path, scales, columns, notes, about)
 
 
-def _ours(path: Path, variables: dict[str, Any]) -> Log:
+def _ours(path: Path, variables: dict[str, Any], taken: Scales | None) -> Log:
     """A recording that `export --to mat` wrote."""
     try:
         axis = json.loads(variables["meta"])["axis"]
@@ -120,6 +130,7 @@ def _ours(path: Path, variables: dict[str, Any]) -> Log:
     except (ValueError, KeyError, TypeError) as error:
         reason = f"{path} has samples and meta as our exports do, but its meta cannot be read"
         raise RecordingError(reason, path, ProblemKind.SYNTAX) from error
+    check_kind(path, f"positions of a {kind} axis", kind, taken)
     known = quantities()
     columns = {name: np.ravel(values) for name, values in variables["samples"].items() if name in known}
     return _log(path, Scales(kind, per_unit, unit, axis.get("encoder_step") or 0.0), columns, [], {})
@@ -127,6 +138,7 @@ def _ours(path: Path, variables: dict[str, Any]) -> Log:
 
 def _emps(path: Path, variables: dict[str, Any], setup: Setup | None) -> Log:
     """The benchmark's file: an amplifier of 1 A/V is taken, so that its volts are our amperes."""
+    check_kind(path, "positions in m, as the EMPS layout means", LINEAR, scales_of_stage(setup) if setup else None)
     columns = {ours: np.ravel(variables[name]).astype(np.float64) for name, ours in _EMPS.items() if name in variables}
     gain = _scalar(variables, "gtau") or 0.0
     scales = scales_of_stage(setup, 1.0) if setup else Scales(LINEAR, 1.0, "m", EMPS_STEP, gain, 1.0)

@@ -5,6 +5,7 @@ What is not known is 0, never guessed.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import re
@@ -30,6 +31,15 @@ class Scales(NamedTuple):
     force_constant: float = 0.0  # N m/A | N/A
     amplifier: float = 0.0  # A/V, of the drive's analogue input
 
+    def units(self, quantity: str) -> tuple[str, ...]:
+        """Units that a log may have its position, reference or velocity in, the likeliest first."""
+        lengths, through_screw = ("mm", "m", "um", "nm"), self.kind == ROTARY and self.travel_unit == "m"
+        if quantity == "velocity":
+            return ("mm/s", "m/s") if self.kind == LINEAR else ("rad/s", "deg/s", "rpm")
+        angles = () if self.kind == LINEAR else ("rad", "deg", "rev")
+        known = (*(lengths if self.kind == LINEAR or through_screw else ()), *angles)
+        return (*known, *(("counts",) if self.encoder_step else ()))
+
     def position(self, unit: str) -> float:
         """Factor from a position in `unit` to rad | m.
 
@@ -38,13 +48,14 @@ class Scales(NamedTuple):
         inside = "m" if self.kind == LINEAR else "rad"
         if unit == "counts":
             return self._known(self.encoder_step, "counts", "stage.encoder_step")
-        through_screw = self.kind == ROTARY and self.travel_unit == "m"
         try:
+            if self.kind == ROTARY and self.travel_unit == "m":  # through the screw
+                with contextlib.suppress(UnitError):
+                    return factor(unit, "m") / self.travel_per_unit
             return factor(unit, inside)
         except UnitError as error:
-            if through_screw:
-                return factor(unit, "m") / self.travel_per_unit
-            reason = f"a position in {unit} on an axis whose positions are in {inside}: {error}"
+            known = ", ".join(self.units("position"))
+            reason = f"a position in {unit} on a {self.kind} axis: {error}; must be one of {known}"
             raise RecordingError(reason, kind=ProblemKind.UNIT) from error
 
     def speed(self, unit: str) -> float:

@@ -75,7 +75,8 @@ def _wrong(column: str) -> list[Mistake]:
         off = max(ratio, 1.0 / ratio)
         size = f"{off:.{0 if off >= 100.0 else 1}f} times too {'large' if ratio < 1.0 else 'small'}"
         words = f"the {column}s are {size} ({' or '.join(pairs)})"
-        mistakes.append(Mistake(1.0, 1.0, 1.0, words)._replace(**{column: ratio}))
+        factors = {name: ratio if name == column else 1.0 for name in CONFUSED}
+        mistakes.append(Mistake(factors["time"], factors["position"], factors["current"], words))
     return mistakes
 
 

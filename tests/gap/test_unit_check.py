@@ -59,7 +59,7 @@ def test_another_machine_of_the_kind_is_not(tmp_path: Path, rows: np.ndarray, sc
 def test_an_inertia_in_another_unit_is_refused(tmp_path: Path, rows: np.ndarray) -> None:
     """100 kg cm^2 written as 100 kg m^2: the place, the value, and the range that the log admits."""
     log = _log(tmp_path, rows, "time_s,position_rad,current_A")
-    model = {"kind": "rotary", "force_constant": 0.72, "inertia": 100.0}
+    model: dict[str, float | str] = {"kind": "rotary", "force_constant": 0.72, "inertia": 100.0}
     with pytest.raises(ArgumentError, match=r"100 kg m\^2.* must lie in \(0, 0\.1") as caught:
         sc.diagnose(log, model=model)
     assert (caught.value.name, caught.value.value) == ("model", "inertia")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from pathlib import Path
 
@@ -362,6 +363,37 @@ def test_variables_of_a_mat_file(tmp_path: Path) -> None:
         read(tmp_path / "table.mat", load_stage(CONFIG / "ball-screw.yaml"), {"time": "X[1]", "current": "u"})
 
 
+@pytest.mark.parametrize("words", [{"position": "q"}, {"position": "-2"}, {"position": "q:mm", "reference": "3"}])
+def test_the_unit_of_a_position_is_never_taken_as_known(tmp_path: Path, words: dict[str, str]) -> None:
+    """A screw's position may be in mm or in rad: the refusal lists what the axis admits, the header may say it."""
+    setup = load_stage(CONFIG / "ball-screw.yaml")
+    (tmp_path / "log.csv").write_text("t,q,r,position_mm\n0,0,1,0\n0.5,12,2,12\n")
+    with pytest.raises(RecordingError, match="rad, deg, rev") as caught:
+        read(tmp_path / "log.csv", setup, {"time": "t", **words})
+    assert caught.value.problems[0].kind is KIND.UNIT
+    (named,) = read(tmp_path / "log.csv", setup, {"time": "t", "position": "position_mm"})
+    np.testing.assert_allclose(named.column("measured"), [0.0, 2.0 * math.pi])
+
+
+def test_a_unit_of_another_quantity_is_told_which_there_are(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,q\n0,0\n0.5,12\n")
+    with pytest.raises(RecordingError, match="mm, m, um, nm, rad, deg, rev, counts") as caught:
+        read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"), {"time": "t", "position": "2:A"})
+    assert caught.value.problems[0].kind is KIND.UNIT
+
+
+def test_a_linear_record_is_not_of_a_rotary_stage(tmp_path: Path) -> None:
+    """The benchmark's layout, and our own export, say the kind of their axis."""
+    setup, rows = load_stage(CONFIG / "ball-screw.yaml"), np.arange(3.0)
+    savemat(tmp_path / "emps.mat", {"t": rows, "qm": rows, "qg": rows, "vir": rows, "gtau": 35.0})
+    axis = json.dumps({"axis": {"kind": "linear", "travel_per_unit": 1.0, "travel_unit": "m"}})
+    savemat(tmp_path / "own.mat", {"samples": {"time": rows, "measured": rows}, "meta": axis})
+    for name in ("emps.mat", "own.mat"):
+        assert len(read(tmp_path / name)) == 1
+        with refused(RecordingError, file=tmp_path / name, kind=KIND.CONFLICT):
+            read(tmp_path / name, setup)
+
+
 def test_our_own_mat_export_comes_back(tmp_path: Path) -> None:
     recording = one(tmp_path, "time_s,position_rad,current_A\n0,0.125,0\n1,0.25,1\n2,0.5,2\n", NOMINAL)
     export([recording], "mat", tmp_path / "log.mat")
@@ -380,6 +412,8 @@ def test_our_own_mat_export_comes_back(tmp_path: Path) -> None:
         ("named.csv", {"time": "t", "position": "p:rad"}, KIND.UNKNOWN, "p"),
         ("named.csv", None, KIND.UNIT, ""),
         ("named.csv", {"time": "t", "position": "q"}, KIND.UNIT, ""),
+        ("named.csv", {"time": "t", "position": "q:rad", "command": "2:A"}, KIND.REPEATED, "column 2"),
+        ("bare.csv", {"time": "1", "position": "2:rad", "command": "-2:A"}, KIND.REPEATED, "column 2"),
     ],
 )
 def test_columns_that_are_not_there(

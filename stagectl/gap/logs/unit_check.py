@@ -27,11 +27,12 @@ def inertia_doubt(session: Session) -> str:
     if effort == 0.0 or p.mechanics.inertia * fastest <= LEAST_EXCESS * effort:
         return ""
     unit, force = ("kg", "N") if session.kind == LINEAR else ("kg m^2", "N m")
+    takes_all = effort / fastest
     return (
         f" = {p.mechanics.inertia:g} {unit}: what the log accelerates would need {p.mechanics.inertia * fastest:.3g} "
-        f"{force}, and its largest effort is {effort:.3g} {force}; must lie in (0, {LEAST_EXCESS * effort / fastest:.3g}]"
-        f" {unit}, and {effort / fastest:.3g} {unit} would take all of that effort: correct the unit of the inertia or "
-        "of the log, or go on with --doubtful"
+        f"{force}, and its largest effort is {effort:.3g} {force}; must lie in (0, {LEAST_EXCESS * takes_all:.3g}] "
+        f"{unit}, and {takes_all:.3g} {unit} would take all of that effort: correct the unit of the inertia or of the "
+        "log, or go on with --doubtful"
     )
 
 
