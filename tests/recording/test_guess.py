@@ -81,6 +81,20 @@ def test_what_is_not_sure_is_asked_for(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.column("measured_current"), made["current"], rtol=1e-9)
 
 
+def test_a_unit_by_the_length_of_the_travel_is_asked_for(tmp_path: Path) -> None:
+    """A header that says position and no unit: 10 may be radians as well as millimetres."""
+    made = damage.motion()
+    columns = {"t": made["time"], "pos": made["position"], "i": made["current"]}
+    path = written(tmp_path, columns, "t,pos,i")
+    with pytest.raises(RecordingError, match="no header names a unit") as caught:
+        import_log(path, None, None, UNKNOWN, unsure=False)
+    assert caught.value.column == "position" and "--yes" in str(caught.value).splitlines()[0]
+    ((_, guessed),) = import_log(path, None, None, UNKNOWN, unsure=True)
+    assert guessed is not None and taken(guessed)["position"] == "2:rad"
+    ((recording, _),) = import_log(path, None, {"position": "pos:mm"}, UNKNOWN, unsure=False)
+    assert np.ptp(recording.column("measured")) == pytest.approx(1e-3 * np.ptp(made["position"]), rel=1e-6)
+
+
 def test_a_current_is_no_position(tmp_path: Path) -> None:
     """A log of time and current alone is refused, until the user says that the column is a position."""
     made = damage.motion()

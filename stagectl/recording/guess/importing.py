@@ -88,9 +88,9 @@ def _not_sure(path: Path, taken: Guess) -> RecordingError:
     least = min(taken.columns, key=lambda part: part.sure)
     lines = "\n  ".join([*map(line, taken.columns), *taken.notes])
     reason = (
-        f"{path} does not say what its columns are; the guess is\n  {lines}\nand the {least.quantity} is less than "
-        f"{100.0 * constants.LEAST_SURE:.0f} % sure: take it with --yes, or correct it with --columns {said!r}, "
-        "--counts N and --force-constant K"
+        f"{path} does not say what its columns are: its {line(least)}. Less than "
+        f"{100.0 * constants.LEAST_SURE:.0f} % sure is not taken unasked: take it with --yes, or correct it with "
+        f"--columns {said!r}, --counts N and --force-constant K. All that is guessed:\n  {lines}"
     )
     return RecordingError(reason, path, ProblemKind.VALUE, column=least.quantity)
 

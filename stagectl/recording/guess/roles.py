@@ -62,7 +62,7 @@ def time_of(columns: Sequence[Column]) -> Role | None:
     named = hinted(column, "time")
     clear = named or uneven < constants.EVEN_STEPS or len(running) == 1
     sure = constants.SURE_BY_NAME if clear else constants.SURE_BY_MAGNITUDE
-    return Role(column, sure, "its header says so" if named else "it runs on")
+    return Role(column, sure, "its header says time" if named else "it runs on")
 
 
 def beside(columns: Sequence[Column], time: Column) -> list[Column]:
@@ -98,7 +98,8 @@ def _alone(columns: Sequence[Column], blocks: motion.Blocks) -> tuple[Role | Non
     for quantity in ("position", "velocity"):
         named = [c for c in columns if hinted(c, quantity) and not hinted(c, "effort") and not hinted(c, "reference")]
         if named:
-            role = Role(max(named, key=lambda c: _smooth(c.values)), constants.SURE_BY_NAME, "its header says so")
+            smoothest = max(named, key=lambda c: _smooth(c.values))
+            role = Role(smoothest, constants.SURE_BY_NAME, f"its header says {quantity}")
             return (role, None) if quantity == "position" else (None, role._replace(ratio=1.0))
     free = [column for column in columns if not hinted(column, "effort")] or list(columns)
     smoothest = max(free, key=lambda column: _smooth(column.values))
@@ -135,7 +136,11 @@ def reference_of(columns: Sequence[Column], position: Column) -> tuple[Role, Col
     )
     reference, measured = (position, other) if turned else (other, position)
     named = hinted(reference, "reference")
-    why = "its header says so" if named else f"the position follows it within {100.0 * max(1.0 - share, 0.0):.2g} %"
+    why = (
+        "its header says reference"
+        if named
+        else f"the position follows it within {100.0 * max(1.0 - share, 0.0):.2g} %"
+    )
     return Role(reference, constants.SURE_BY_NAME if named else constants.SURE_BY_MAGNITUDE, why), measured
 
 
@@ -169,7 +174,7 @@ def efforts(columns: Sequence[Column], blocks: motion.Blocks, speed: Array) -> l
 def _as_effort(column: Column, drive: motion.Drive) -> Role:
     why = f"the motion explains {100.0 * drive.share:.3g} % of it"
     if hinted(column, "effort"):
-        return Role(column, constants.SURE_BY_NAME, f"its header says so, {why}", drive.sign)
+        return Role(column, constants.SURE_BY_NAME, f"its header says what drives, {why}", drive.sign)
     return Role(column, min(drive.share, constants.SURE_BY_PHYSICS), why, drive.sign)
 
 

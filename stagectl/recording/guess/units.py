@@ -61,9 +61,9 @@ def of_position(words: str, position: Array, ratio: float, speed_unit: str) -> U
     travel = float(np.ptp(position))
     if travel > constants.MANY_RADIANS:
         return Unit("counts", constants.SURE_BY_MAGNITUDE, f"it travels {travel:.4g}")
-    if travel > constants.LONG_TRAVEL:
-        return Unit("rad", constants.SURE_BY_MAGNITUDE, f"it travels {travel:.4g}")
-    return Unit("m", constants.SURE_BY_MAGNITUDE, f"it travels {travel:.4g}")
+    name, why = ("rad", "more") if travel > constants.LONG_TRAVEL else ("m", "no more")
+    why = f"no header names a unit, and it travels {travel:.4g}, {why} than {constants.LONG_TRAVEL:g}"
+    return Unit(name, constants.SURE_BY_DEFAULT, why)
 
 
 def _with_revolutions(ratio: float) -> Unit | None:
