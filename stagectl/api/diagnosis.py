@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,14 +17,19 @@ from stagectl.api.result import ReportedResult, Sheet, drawn, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.extras import require
 from stagectl.gap import diagnose as pipeline
-from stagectl.gap.effects.library import excluded
+from stagectl.gap.effects.library import UnknownEffectError, excluded
 from stagectl.gap.logs import load_session
+from stagectl.gap.logs.nominal_model import STAGE_KEYS, STAGE_WORDS
+from stagectl.gap.logs.nominal_values import quantity
 from stagectl.gap.logs.session import LogError, Session
 from stagectl.gap.logs.sources import Description
 from stagectl.gap.logs.unit_check import check_units, inertia_doubt
 from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffect, Gap, NextExperiment, Spans
 from stagectl.gap.steps import in_percent
+from stagectl.kernels.stage import Mechanics, Motor
+from stagectl.problem import nearest
+from stagectl.units import StageError, parse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -192,7 +198,7 @@ def diagnose(
     Raises GapError where the logs cannot be diagnosed, RecordingError where they cannot be read.
     """
     places = paths_of(session)
-    options = pipeline.Options(excluded(list(exclude)), full, advice)
+    options = pipeline.Options(_excluded(exclude), full, advice)
     said = _described(named_columns(columns), model)
     setup = None if stage is None else as_stage(stage).setup
     logs = load_session.load(places, setup, said)
@@ -203,6 +209,13 @@ def diagnose(
         update(100, 100)
     answer = GapDiagnosis(places[0], outcome.result, logs, outcome.improved)
     return answer if setup is None else replace(answer, stage=setup.path)
+
+
+def _excluded(words: Iterable[str]) -> tuple[str, ...]:
+    try:
+        return excluded(list(words))
+    except UnknownEffectError as error:
+        raise ArgumentError("exclude", error.value, error.reason) from error
 
 
 def _check(logs: Session, model: Mapping[str, float | str] | PathLike | None, setup: Setup | None) -> None:
@@ -216,9 +229,33 @@ def _check(logs: Session, model: Mapping[str, float | str] | PathLike | None, se
     raise LogError("model", tuple(log.name for log in logs.logs), f"{place}{doubt}")
 
 
+def _check_model(model: Mapping[str, float | str]) -> None:
+    """Raises ArgumentError for a name that is not known or missing, and for a text where a number in SI belongs."""
+    for name, value in model.items():
+        if name not in STAGE_KEYS:
+            near = nearest(name, STAGE_KEYS)
+            hint = f"did you mean {near}?" if near else f"must be one of {', '.join(STAGE_KEYS)}"
+            raise ArgumentError("model", name, f" is not known: {hint}")
+        if isinstance(value, str) and name not in STAGE_WORDS:
+            reason = f"; must be a number in SI, without its unit{_in_si(name, value, str(model.get('kind')))}"
+            raise ArgumentError("model", f"{name} = {value}", reason)
+    missing = next((name for name in ("kind", "force_constant", "inertia") if model and name not in model), None)
+    if missing:
+        raise ArgumentError("model", missing, " is missing; must have kind, force_constant and inertia (SI)")
+
+
+def _in_si(name: str, value: str, kind: str) -> str:
+    """The number to write for a text with a unit."""
+    owner = next((owner for owner in (Motor, Mechanics) if name in owner._fields), None)
+    with contextlib.suppress(StageError):
+        return f": write {name}={parse(value, quantity(owner, name).unit_for(kind)):g}" if owner else ""
+    return ""
+
+
 def _described(columns: Mapping[str, str] | None, model: Mapping[str, float | str] | PathLike | None) -> Description:
     """What the user says of the logs; a path is that of a MuJoCo model."""
     if model is None or isinstance(model, Mapping):
+        _check_model(model or {})
         return Description(columns, model)
     require("mujoco", "a MuJoCo model as the nominal one")
     from stagectl.interchange.mujoco_nominal import nominal

@@ -20,7 +20,7 @@ from stagectl.extras import require
 from stagectl.identification import capture_checks, captures, methods
 from stagectl.identification.capture import Capture
 from stagectl.identification.compensators import with_compensators
-from stagectl.identification.result import IdentificationResult, Parameter, biases
+from stagectl.identification.result import IdentificationResult, Parameter, Topic, biases, topics
 from stagectl.units import Quantity, StageError
 
 if TYPE_CHECKING:
@@ -65,6 +65,12 @@ class IdentifiedModel(ReportedResult):
         """Parameters that cannot be distinguished, and doubts."""
         return tuple(self.to_json()["notes"])
 
+    @property
+    def doubts(self) -> list[str]:
+        """Reasons against all values: far from the stage file, or from a column whose unit is doubtful."""
+        about = [note for capture in self.captures for note in capture.notes if topics((note,)) == {Topic.UNITS}]
+        return [*self.implausible, *dict.fromkeys(about)]
+
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""
         return self._json
@@ -88,7 +94,9 @@ class IdentifiedModel(ReportedResult):
         from stagectl.report.tables import identification as tables
 
         result = self.to_json()
-        return Sheet(f"{result['stage']}, {self.method}", "", [tables.parameters(result)], tables.remarks(result))
+        others = [line for line in tables.remarks(result) if line.strip() not in self.doubts]
+        first = "\n".join(f"doubtful: {doubt}" for doubt in self.doubts)
+        return Sheet(f"{result['stage']}, {self.method}", first, [tables.parameters(result)], others)
 
     def plot(self) -> Figure:
         """Friction after a reversal where the method finds it, else the first capture."""

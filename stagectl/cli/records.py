@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from stagectl.api.arguments import ArgumentError
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, typed
 from stagectl.extras import require
@@ -140,10 +142,10 @@ def import_(
             help="Assign columns: time=t,position=qm:mm,current=-3 (numbers count from 1, a minus turns the sign).",
         ),
     ] = None,
-    counts: Annotated[float, typer.Option(metavar="N", help="Encoder counts a turn, or a metre.")] = 0.0,
+    counts: Annotated[float | None, typer.Option(metavar="N", help="Encoder counts a turn, or a metre.")] = None,
     force_constant: Annotated[
-        float, typer.Option(metavar="K", help="N m/A or N/A, of a column that is a force.")
-    ] = 0.0,
+        float | None, typer.Option(metavar="K", help="N m/A or N/A, of a column that is a force.")
+    ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Take a guess that is not sure.")] = False,
     json: Json = None,
 ) -> None:
@@ -159,7 +161,8 @@ def import_(
     from stagectl.recording.guess.importing import import_log
 
     words = split(columns) if columns else None
-    logs = import_log(source, load_stage(stage) if stage else None, words, Known(counts, force_constant), yes)
+    known = Known(*(_scale(name, value) for name, value in (("counts", counts), ("force-constant", force_constant))))
+    logs = import_log(source, load_stage(stage) if stage else None, words, known, yes)
     paths = _stored([log.recording for log in logs], source, output)
     written = []
     for (recording, guess), path in zip(logs, paths, strict=True):
@@ -172,6 +175,14 @@ def import_(
         size = f"{len(recording.samples)} rows, {recording.meta['duration']:.4g} s, columns {names}"
         console.print(f"imported {path}: {size}")
     emit({"imported": written}, json)
+
+
+def _scale(name: str, value: float | None) -> float:
+    """A scale that an option states; 0 where it does not.  Raises ArgumentError where it is not above 0."""
+    if value is not None and not 0.0 < value < math.inf:
+        turn = "; a minus before the column turns it: --columns position=-2:counts" if value < 0.0 else ""
+        raise ArgumentError(name, f"{value:g}", f"; must lie in (0, inf){turn}")
+    return value or 0.0
 
 
 def _stored(recordings: list[Recording], source: Path, output: Path | None) -> list[Path]:

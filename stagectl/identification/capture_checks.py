@@ -20,6 +20,7 @@ from stagectl.kernels import stage
 from stagectl.number_format import duration, length
 from stagectl.recording import wrong_units
 from stagectl.recording.clipping import clipped
+from stagectl.recording.scales import Scales
 from stagectl.units import LINEAR
 
 
@@ -54,13 +55,20 @@ def suspicions(capture: Capture, setup: Setup) -> list[Note]:
     return doubts or _jumps(capture, setup)
 
 
-def remarks(capture: Capture) -> list[Note]:
+def remarks(capture: Capture, scales: Scales) -> list[Note]:
     """What is doubtful, but may well be right."""
     step, coarse = capture.encoder_step, _position_step(capture.position)
     if step <= 0.0 or coarse < step or (_whole(coarse / step) and coarse <= thresholds.COARSE_STEPS * step):
         return []
-    words = f"positions come in steps of {coarse:.4g}, the encoder's is {step:.4g}"
-    return [Note(Topic.UNITS, f"{words}: the log lost digits, or its unit is not the one that it names")]
+    unit = "m" if scales.kind == LINEAR else "rad"
+    cause = (
+        wrong_units.by_step(coarse / step, scales) or "the log lost digits, or its unit is not the one that it names"
+    )
+    return [
+        Note(
+            Topic.UNITS, f"positions come in steps of {coarse:.4g} {unit}, the encoder's is {step:.4g} {unit}: {cause}"
+        )
+    ]
 
 
 def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:

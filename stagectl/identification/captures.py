@@ -15,6 +15,7 @@ from stagectl.identification.resampling import Part, parts
 from stagectl.identification.result import Note, Topic
 from stagectl.recording.columns import WITHOUT
 from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.recording.scales import scales_of_stage
 
 CURRENTS = ("measured_current", "current", "command")  # the best first: in the motor, after, before the limit
 READ = ("time", "measured", "reference", "injection", *CURRENTS)  # ten minutes of all columns would be 200 MB
@@ -176,4 +177,4 @@ def _checked(capture: Capture, setup: Setup, doubtful: bool) -> Capture:
     if doubts and not doubtful:
         topics = ", ".join(doubt.topic for doubt in doubts)
         raise IdentificationError("; ".join(doubts), Refusal.IMPLAUSIBLE, capture=capture.name, value=topics)
-    return capture._replace(notes=(*capture.notes, *doubts, *remarks(capture)))
+    return capture._replace(notes=(*capture.notes, *doubts, *remarks(capture, scales_of_stage(setup))))

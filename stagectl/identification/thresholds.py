@@ -6,6 +6,8 @@ origin has that of the line above its group.
 
 from __future__ import annotations
 
+from stagectl.recording.constants import ROWS_TO_USE
+
 # Intervals of 95 %.
 NORMAL_95 = 1.959964  # standard deviations either way; normal distribution, seven digits
 QUANTILE_95 = 0.975  # two-sided quantile of Student's distribution
@@ -13,7 +15,7 @@ CORRELATION_RIDGE = 1e-12  # added to a correlation of 1: rounding
 TIED = 0.9  # correlation from which two parameters are reported as tied; chosen
 
 # Records: the least that is accepted, and how they are split.  Chosen.
-CAPTURE_LEAST_ROWS = 100  # rows of a record or of a part between gaps
+CAPTURE_LEAST_ROWS = ROWS_TO_USE  # rows of a record or of a part between gaps
 PART_LEAST_SHARE = 0.02  # of the longest part's rows: shorter parts are left out
 GAP_STEPS = 3.5  # median steps that make a gap: one or two lost rows do not
 JITTER = 1e-3  # of the mean step: digits of the time stamps, not irregular sampling

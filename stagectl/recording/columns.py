@@ -100,19 +100,22 @@ def check_kind(path: Path, column: str, kind: str, taken: Scales | None) -> None
     """Raise RecordingError where the log says by a `column` that its axis is of another kind than the one `taken`."""
     if taken is not None and taken.kind != kind:
         reason = (
-            f"{path} has {column}, so its axis is {kind}, and the stage's is {taken.kind}: give the log's own stage"
+            f"{path} has {column}, so its axis is {kind}, and the stage's is {taken.kind}: give the stage of the log"
         )
         raise RecordingError(reason, path, ProblemKind.CONFLICT, column=column)
 
 
 def check_once(path: Path, places: Mapping[str, tuple[object, str]]) -> None:
-    """Raise RecordingError where two of our columns are at one place of the log; `places` hold it and its name."""
+    """Raise RecordingError where two quantities are at one place of the log; `places` hold it and its name."""
     taken: dict[object, str] = {}
-    for ours, (place, name) in places.items():
+    for quantity, (place, name) in places.items():
         if place in taken:
-            reason = f"--columns names {name} of {path} as {taken[place]} and as {ours}: name each column once"
+            reason = (
+                f"--columns {taken[place]} and {quantity} are both {name} of {path}; each must have a column of its "
+                "own: leave one out, or choose another for it"
+            )
             raise RecordingError(reason, path, ProblemKind.REPEATED, column=name)
-        taken[place] = ours
+        taken[place] = quantity
 
 
 def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:

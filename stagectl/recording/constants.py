@@ -23,6 +23,7 @@ HEADER_LINES = 100  # lines of a CSV in which its header and first numbers are l
 TAIL_BYTES = 1 << 16  # end of a CSV in which lines that are no rows are looked for
 TAIL_LINES = 3  # such lines, at most: one that was cut off, a closing word, an empty one
 SHOWN_CELLS = 40  # characters of such a line that a note shows
+ROWS_TO_USE = 100  # of a log, to identify or diagnose from it
 EARLY = 0.5  # of a row's duration: a row belongs to the value that begins up to this much after it
 EMPS_STEP = 5e-8  # m a count, of the motor's encoder seen at the load (from the EMPS benchmark)
 
@@ -82,6 +83,7 @@ CONFUSED = {  # units that are taken for each other: every pair, in both directi
 }
 LEAST_RATIO = 10.0  # of two units: a smaller one may be a model that is wrong by a factor of three, twice
 SAME_RATIO = 1e-6  # relative difference of two ratios that are one, but for rounding
+SAME_STEP = 5e-3  # relative difference of a step from the one that a wrong unit makes of the encoder's or the period
 MODEL_FITS, MODEL_DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
 MUCH_BETTER = 0.45  # times the unexplained share as recorded: a ratio of two units is not found by chance
 MOTION_BAND = 0.02  # cycles a sample: the motion is below, noise above

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import itertools
 from contextlib import AbstractContextManager
@@ -40,6 +41,7 @@ class End(NamedTuple):
 
 def layout(path: Path) -> Layout:
     """The layout of the text at `path`.  Raises RecordingError where it is not text, or empty."""
+    _check_encoding(path)
     with _read_as_csv(path), path.open(newline="", encoding="utf-8-sig") as file:
         lines = list(itertools.islice(file, HEADER_LINES))
     if not any(line.strip() for line in lines):
@@ -80,6 +82,24 @@ def _whole(line: str, how: Layout) -> bool:
         return False
     last = cells[-1].replace(how.decimal, ".")
     return not last or _number(last) or not _number(f"{last}0")
+
+
+def _check_encoding(path: Path) -> None:
+    """Raises RecordingError where a text is of 16 bits, as spreadsheets save it, or ends in zero bytes."""
+    with _read_as_csv(path), path.open("rb") as file:
+        first = file.read(2)
+        file.seek(max(path.stat().st_size - TAIL_BYTES, 0))
+        tail = file.read()
+    if first in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        reason = f"{path} is text in UTF-16; must be UTF-8: save it as UTF-8 (a spreadsheet calls it CSV UTF-8)"
+        raise RecordingError(reason, path, ProblemKind.SYNTAX)
+    if zeros := len(tail) - len(tail.rstrip(b"\0")):
+        count = f"{zeros}{' or more' if zeros == len(tail) else ''}"
+        reason = (
+            f"{path} ends in {count} zero bytes, as after a loss of power: cut them off, such as by "
+            f"`tr -d '\\0' < {path} > whole.csv`, and check its last row"
+        )
+        raise RecordingError(reason, path, ProblemKind.SYNTAX)
 
 
 _TEXT = "; give a text file with a header and rows of numbers"

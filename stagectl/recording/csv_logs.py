@@ -62,7 +62,8 @@ def read(
         raise RecordingError(f"{path} {_preamble(how)}", path, ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
-    scales = _scales(path, names, setup, scales_of_nominal(nominal, beside) if nominal else None)
+    described = scales or (scales_of_nominal(nominal, beside) if nominal else None)
+    scales = _scales(path, names, setup, described)
     _of_this_kind(path, names, scales)
     known, notes = _known(path, names, scales)
     table, cut = read_table(path, names, list(known), how)
@@ -96,7 +97,7 @@ def _preamble(how: Layout) -> str:
 def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice]) -> Log:
     scales, known = of_choices(chosen, taken, path)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
-    check_once(path, {ours: (at, f"column {at + 1}") for ours, (at, _) in places.items()})
+    check_once(path, {known[ours][0].quantity: (at, f"column {at + 1}") for ours, (at, _) in places.items()})
     labels = [f"column {number}" for number in range(1, how.width + 1)]
     table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how)
     columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}

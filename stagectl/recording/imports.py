@@ -15,13 +15,16 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout
+from stagectl.number_format import duration
 from stagectl.problem import ProblemKind, absent
 from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
+from stagectl.recording.constants import ROWS_TO_USE
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, save
 from stagectl.recording.metadata import versions
 from stagectl.recording.repair import repaired
 from stagectl.recording.scales import Scales, read_values
+from stagectl.recording.wrong_units import by_rows
 
 
 def read(
@@ -46,9 +49,15 @@ def read(
         raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE)
     kind = path.suffix.lower()
     if kind == ".csv":
-        return [_recording(csv_logs.read(path, setup, {}, columns, scales))]
+        return [_clocked(_recording(csv_logs.read(path, setup, {}, columns, scales)), setup)]
     if kind == ".mat":
-        return [_recording(mat_logs.read(path, setup, columns, scales))]
+        return [_clocked(_recording(mat_logs.read(path, setup, columns, scales)), setup)]
+    if kind in (".yaml", ".yml"):
+        reason = f"{path} is a stage file and cannot be imported; name the logs, and give it as --stage {path}"
+        raise RecordingError(reason, path, ProblemKind.SHAPE)
+    if kind == ".h5":
+        reason = f"{path} is a recording already, and needs no import: give it to the next command as it is"
+        raise RecordingError(reason, path, ProblemKind.SHAPE)
     reason = (
         f"{path} cannot be imported; these can: .csv with a header of quantities and units "
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
@@ -100,6 +109,17 @@ def _recording(log: Log) -> Recording:
     return Recording(log.path, meta, samples, True, f"imported from {log.path.name}", 0)
 
 
+def _clocked(recording: Recording, setup: Setup | None) -> Recording:
+    """The same; rows that a wrong unit of time would put on the stage's control periods are noted first."""
+    dt = recording.meta["dt"]
+    if setup is not None and (cause := by_rows(dt, setup.dt)):
+        words = (
+            f"doubtful: rows come every {duration(dt)}, and {setup.path} has a period of {duration(setup.dt)}: {cause}"
+        )
+        recording.meta["notes"].insert(0, words)
+    return recording
+
+
 def _digest(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
@@ -109,7 +129,11 @@ def _checked(log: Log) -> Array:
     """The log's time (s), once time and position are sound."""
     time = log.columns["time"]
     if len(time) < 2:
-        raise RecordingError(f"{log.path} has {len(time)} rows; must have at least 2", log.path, ProblemKind.SHAPE)
+        reason = (
+            f"{log.path} has {len(time)} row{'' if len(time) == 1 else 's'}; must have at least 2 to be a recording, "
+            f"and {ROWS_TO_USE} to identify or diagnose from it: record it again, or check that it is the whole log"
+        )
+        raise RecordingError(reason, log.path, ProblemKind.SHAPE)
     for name in ("time", "measured"):
         if not np.all(finite := np.isfinite(log.columns[name])):
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)

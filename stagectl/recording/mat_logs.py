@@ -72,7 +72,7 @@ def variables(path: Path) -> dict[str, Any]:
 
 def _chosen(path: Path, content: dict[str, Any], taken: Scales | None, chosen: list[Choice]) -> Log:
     scales, known = of_choices(chosen, taken, path)
-    check_once(path, {ours: ((choice.name, choice.number), choice.name) for ours, (choice, _) in known.items()})
+    check_once(path, {choice.quantity: ((choice.name, choice.number), choice.name) for choice, _ in known.values()})
     columns = {ours: scale * _vector(path, content, choice) for ours, (choice, scale) in known.items()}
     log = _log(path, scales, columns, [_unit_note(choice) for choice in chosen if unit_of(choice) == ""], {})
     return log._replace(labels={ours: choice.name for ours, (choice, _) in known.items()})

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +25,10 @@ from stagectl.recording.constants import (
     MOTION_BAND,
     MUCH_BETTER,
     SAME_RATIO,
+    SAME_STEP,
     UNIT_SLOW,
 )
+from stagectl.recording.scales import Scales
 from stagectl.units import factor
 
 Array = NDArray[np.float64]
@@ -68,13 +71,35 @@ def _ratios(families: tuple[tuple[str, ...], ...]) -> dict[float, list[str]]:
     return found
 
 
+def _size(column: str, ratio: float, pairs: Iterable[str]) -> str:
+    """A mistake in words, by the factor that corrects it and the units that were taken for each other."""
+    off = max(ratio, 1.0 / ratio)
+    size = f"{off:.{0 if off >= 100.0 else 2}f} times too {'large' if ratio < 1.0 else 'small'}"
+    return f"the {column}s are {size} ({' or '.join(pairs)})"
+
+
+def by_step(ratio: float, scales: Scales) -> str:
+    """The wrong unit by which positions come in `ratio` steps of the encoder; empty where no unit of the axis does."""
+    known = {unit: scales.position(unit) for unit in scales.units("position") if unit != "counts"}
+    pairs = [
+        f"in {real} where {named} is named"
+        for named, real in itertools.permutations(known, 2)
+        if abs(ratio * known[real] / known[named] - 1.0) < SAME_STEP
+    ]
+    return _size("position", 1.0 / ratio, pairs) if pairs else ""
+
+
+def by_rows(dt: float, period: float) -> str:
+    """The wrong unit of time that makes a log's `dt` (s) of the stage's `period` (s); empty where none does."""
+    causes = [m.words for m in MISTAKES if m.time != 1.0 and abs(dt * m.time / period - 1.0) < SAME_STEP]
+    return next(iter(causes), "")
+
+
 def _wrong(column: str) -> list[Mistake]:
     """Every mistake between two units of a `column`: time, position or current."""
     mistakes = []
     for ratio, pairs in _ratios(CONFUSED[column]).items():
-        off = max(ratio, 1.0 / ratio)
-        size = f"{off:.{0 if off >= 100.0 else 1}f} times too {'large' if ratio < 1.0 else 'small'}"
-        words = f"the {column}s are {size} ({' or '.join(pairs)})"
+        words = _size(column, ratio, pairs)
         factors = {name: ratio if name == column else 1.0 for name in CONFUSED}
         mistakes.append(Mistake(factors["time"], factors["position"], factors["current"], words))
     return mistakes

@@ -15,6 +15,7 @@ from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import LogError
 from stagectl.gap.logs.sources import Description
 from stagectl.gap.logs.unit_check import check_units, inertia_doubt
+from stagectl.recording.hdf5 import RecordingError
 from tests.gap.captured import CONFIG
 
 STAGE = CONFIG / "ball-screw.yaml"
@@ -72,6 +73,13 @@ def test_a_roughly_known_inertia_is_not(tmp_path: Path, rows: np.ndarray, inerti
     session = load([log], said=said)
     check_units(session)
     assert inertia_doubt(session) == ""
+
+
+def test_the_kind_of_a_described_machine_is_that_of_its_log(tmp_path: Path, rows: np.ndarray) -> None:
+    log = _log(tmp_path, rows, "time_s,measured_rad,current_A")
+    with pytest.raises(RecordingError) as caught:
+        sc.diagnose(log, model={"kind": "linear", "force_constant": 0.72, "inertia": 0.01})
+    assert caught.value.column == "measured_rad"
 
 
 def test_an_axis_at_rest_identifies_nothing(tmp_path: Path, rows: np.ndarray) -> None:

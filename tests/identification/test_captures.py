@@ -201,6 +201,15 @@ def test_wrong_units_are_seen_by_a_model_that_is_a_third_off(
     assert Topic.UNITS in str(caught.value.value)
 
 
+def test_the_step_of_the_positions_names_their_unit(columns: dict[str, Array], ball_screw: Setup) -> None:
+    """Millimetres of the table under a header in rad: a lead of 12 mm makes 1.91 of each step of the encoder."""
+    step, per_unit = ball_screw.stage.encoder.step, 1e3 * ball_screw.file.axis.travel_per_unit
+    made = {**columns, "measured": per_unit * step * np.round(columns["measured"] / step)}
+    (capture,) = prepared([recording(made)], ball_screw, doubtful=True)
+    (note,) = [note for note in capture.notes if topics((note,)) == {Topic.UNITS}]
+    assert "in mm where rad is named" in note
+
+
 def test_a_flat_top_is_no_clipping_by_itself() -> None:
     """A sine in steps of 4 mA, friction that saturates; cut off at 0.6 and at 0.95 of the amplitude."""
     time = np.arange(20000) * DT

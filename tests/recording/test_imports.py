@@ -363,6 +363,36 @@ def test_variables_of_a_mat_file(tmp_path: Path) -> None:
         read(tmp_path / "table.mat", load_stage(CONFIG / "ball-screw.yaml"), {"time": "X[1]", "current": "u"})
 
 
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("time_s,position_rad\n0,0\n1,1\n".encode("utf-16"), "UTF-16"),
+        (b"time_s,position_rad\n0,0\n1,1" + bytes(4096), "4096 zero bytes"),
+    ],
+)
+def test_a_text_of_16_bits_or_with_zeros_says_so(tmp_path: Path, content: bytes, words: str) -> None:
+    (tmp_path / "log.csv").write_bytes(content)
+    with pytest.raises(RecordingError, match=words) as caught:
+        read(tmp_path / "log.csv")
+    assert caught.value.problems[0].kind is KIND.SYNTAX and "\0" not in str(caught.value)
+
+
+def test_one_row_is_told_how_many_are_needed(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time_s,position_rad\n0,0\n")
+    with pytest.raises(RecordingError, match=r"has 1 row; .* 2 .* 100 ") as caught:
+        read(tmp_path / "log.csv")
+    assert caught.value.problems[0].kind is KIND.SHAPE
+
+
+@pytest.mark.parametrize(("step", "doubtful"), [(0.5, True), (5e-4, False), (1e-3, False), (0.1, False)])
+def test_rows_a_thousand_times_too_far_apart_are_noted_first(tmp_path: Path, step: float, doubtful: bool) -> None:
+    """The stage runs every 0.5 ms: rows every 0.5 s are ms under a header in s."""
+    lines = "".join(f"{k * step},{k}\n" for k in range(5))
+    (tmp_path / "log.csv").write_text(f"time_s,position_rad\n{lines}")
+    (recording,) = read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"))
+    assert ("in ms where s is named" in recording.meta["notes"][0]) is doubtful
+
+
 @pytest.mark.parametrize("words", [{"position": "q"}, {"position": "-2"}, {"position": "q:mm", "reference": "3"}])
 def test_the_unit_of_a_position_is_never_taken_as_known(tmp_path: Path, words: dict[str, str]) -> None:
     """A screw's position may be in mm or in rad: the refusal lists what the axis admits, the header may say it."""

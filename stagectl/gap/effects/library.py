@@ -101,5 +101,6 @@ class UnknownEffectError(GapError):
     def __init__(self, value: str) -> None:
         close = nearest(value, tuple(EFFECTS))
         hint = f"did you mean {close}?" if close else f"must be one of {', '.join(EFFECTS)}"
-        super().__init__(f"--exclude {value}: not an effect; {hint}")
-        self.place, self.value, self.range = "--exclude", value, tuple(EFFECTS)
+        self.reason = f": not an effect; {hint}"
+        super().__init__(f"{value}{self.reason}")
+        self.value, self.range = value, tuple(EFFECTS)

@@ -23,6 +23,9 @@ _KEYS = {
     "amplifier_A_per_V current_quantum_A",
 }
 
+STAGE_KEYS = tuple(_KEYS["stage"].split())
+STAGE_WORDS = ("name", "kind", "position_unit", "torque_unit", "accuracy")  # of these, those that are no numbers
+
 
 def read(file: Block) -> stage.Stage:
     """The model in a nominal.yaml; defaults taken and doubts are added to the block's `defaults` and `notes`.

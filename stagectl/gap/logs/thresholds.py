@@ -5,6 +5,8 @@ Unless a line names another origin, a value was chosen and is not derived.
 
 from __future__ import annotations
 
+from stagectl.recording.constants import ROWS_TO_USE
+
 # -- control periods ---------------------------------------------------------------------------------------------------
 SAME_PERIOD = 1e-3  # share by which the sampling periods of two logs may differ
 SAME_STEP = 0.01  # share by which the steps of a log may differ from the control period and still be it
@@ -12,7 +14,7 @@ SCATTER = 0.02  # rms of the time stamps, of the period: above it rows are resam
 NOTED_SCATTER = 1e-3  # rms of the time stamps, of the period: above it a note reports the scatter
 NOTED_DRIFT = 1e-4  # share by which two clocks may differ before a note reports it
 GAP_STEPS = 3.5  # median steps: a longer step of a resampled column is a gap
-LEAST_ROWS = 100  # of a log
+LEAST_ROWS = ROWS_TO_USE  # of a log
 LEAST_SPLINE = 6  # samples of a reference: a quintic spline needs as many
 SAME_INSTANT = 1e-9  # s: instants that are closer are the same
 
