@@ -14,7 +14,7 @@ from stagectl.api.arguments import PathLike, ProgressOption, entry, quantity, re
 from stagectl.api.checked import checked
 from stagectl.api.record import MotionRecord, RecordFolder, named_columns
 from stagectl.api.result import ReportedResult, Sheet, frame
-from stagectl.api.stage import DesignedStage, StageLike, as_stage
+from stagectl.api.stage import DesignedStage, StageLike, as_stage, check_same_kind
 from stagectl.config.patch import Change, write
 from stagectl.extras import require
 from stagectl.identification import capture_checks, captures, methods
@@ -119,9 +119,10 @@ class IdentifiedModel(ReportedResult):
         """The stage, or the file at a path, with these parameters, in memory.
 
         Raises StageError where there is nothing to apply, or, without `doubtful`, where a value is implausible
-        or a note tells of a bias.
+        or a note tells of a bias; ArgumentError for a stage of another kind of axis.
         """
         target = self.stage if stage is None else as_stage(stage)
+        check_same_kind(self.stage, target, "parameters")
         self._check(target.path, doubtful)
         return target.changed(self.changes)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +18,9 @@ from stagectl.config import stage_file
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
 from stagectl.config.patch import Change, check_values, patched, replace_file
+from stagectl.config.source import ConfigError
 from stagectl.extras import require
+from stagectl.problem import Problem, ProblemKind
 from stagectl.replacing import left_as_it_is
 
 if TYPE_CHECKING:
@@ -127,7 +130,8 @@ class DesignedStage(PrintedResult):
         patch = patched(self.text, values, lengths)
         if not patch.changes:
             return self
-        setup = stage_file.load_stage(self.path, text=patch.text)
+        with _blocks_told(values):
+            setup = stage_file.load_stage(self.path, text=patch.text)
         check_values(setup.file, patch)
         return DesignedStage(setup, (*self.changes, *patch.changes))
 
@@ -153,6 +157,32 @@ class DesignedStage(PrintedResult):
         target.parent.mkdir(parents=True, exist_ok=True)
         replace_file(target, self.text.encode(), lambda written: load_stage(written))
         return load_stage(target)
+
+
+@contextmanager
+def _blocks_told(values: Mapping[str, Any]) -> Iterator[None]:
+    """Errors about an entry that a block in `values` leaves out say that a block is replaced as a whole."""
+    try:
+        yield
+    except ConfigError as error:
+        error.problems = tuple(_of_block(problem, values) for problem in error.problems)
+        raise
+
+
+def _of_block(problem: Problem, values: Mapping[str, Any]) -> Problem:
+    block = problem.key.rpartition(".")[0]
+    if problem.kind is not ProblemKind.MISSING or not isinstance(given := values.get(block), Mapping):
+        return problem
+    entries = ", ".join(f"'{block}.{name}': {value!r}" for name, value in given.items())
+    return problem._replace(remedy=f"a block is replaced as a whole; to change single entries write {{{entries}}}")
+
+
+def check_same_kind(found: DesignedStage, target: DesignedStage, what: str) -> None:
+    """Raises ArgumentError where `what` was found on one kind of axis and goes to another, whose units differ."""
+    kind, other = found.setup.file.axis.kind, target.setup.file.axis.kind
+    if kind != other:
+        reason = f"; the {what} are those of {found.path}, which is {kind}, and it is {other}: must be of the same kind"
+        raise ArgumentError("stage", target.path, reason)
 
 
 StageLike = DesignedStage | PathLike

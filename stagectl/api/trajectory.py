@@ -17,6 +17,7 @@ from stagectl.config import trajectory_file
 from stagectl.config.source import read_text
 from stagectl.config.trajectory_file import axis_of
 from stagectl.extras import require
+from stagectl.motion_limits import check_limits
 from stagectl.trajectories import Experiment, Recorded, TrajectoryError, check, peaks, phases
 from stagectl.workflows.motion import Commanded
 
@@ -124,21 +125,25 @@ def load_trajectory(
     """A trajectory or experiment from a YAML file, or from samples ``(time, position)``.
 
     Samples are in s and in m of travel (rad on a rotary axis without a lead), both (n,), at rest at both ends; a
-    quintic spline goes through them.  With a `stage` the trajectory is checked at once, else where it is used.
+    quintic spline goes through them.  With a `stage` the trajectory is checked at once, its limits among it, else where
+    it is used.
 
-    Raises ConfigError or TrajectoryError with the place and the reason, ArgumentError for arrays that do not fit.
+    Raises ConfigError or TrajectoryError with the place and the reason, LimitError for a motion beyond the limits of
+    the stage, ArgumentError for arrays that do not fit.
     """
     if isinstance(source, tuple):
-        return TrajectorySource(Path("samples.csv"), *_sampled(*source), stage)
-    path = Path(source)
-    read = TrajectorySource(path, read_text(path), None, stage)
+        read = TrajectorySource(Path("samples.csv"), *_sampled(*source), stage)
+    else:
+        read = TrajectorySource(Path(source), read_text(Path(source)), None, stage)
     if stage is not None:
-        read.bound(stage.setup)
+        check_limits(stage.setup, phases(read.bound(stage.setup).experiment).motion)
     return read
 
 
 def _sampled(time: ArrayLike, position: ArrayLike) -> tuple[str, Recorded]:
     """The samples as CSV text and as a trajectory."""
+    if any(map(np.iscomplexobj, (time, position))):
+        raise ArgumentError("source", "", "holds complex numbers; must be real numbers: (time, position) in SI")
     try:
         columns = [np.asarray(values, dtype=np.float64) for values in (time, position)]
     except (TypeError, ValueError) as error:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from stagectl.api.arguments import PathLike, quantity
 from stagectl.api.checked import checked
 from stagectl.api.result import ReportedResult, Sheet, drawn, gains_frame
-from stagectl.api.stage import DesignedStage, StageLike, as_stage, load_stage
+from stagectl.api.stage import DesignedStage, StageLike, as_stage, check_same_kind, load_stage
 from stagectl.config.patch import Change, write
 from stagectl.extras import require
 from stagectl.tuning import constants, families, sheet
@@ -84,8 +84,12 @@ class TunedGains(ReportedResult):
 
     @checked
     def apply(self, stage: StageLike | None = None) -> DesignedStage:
-        """The stage with these gains, in memory.  Raises DesignError where the loop would be refused."""
+        """The stage with these gains, in memory.
+
+        Raises DesignError where the loop would be refused, ArgumentError for a stage of another kind of axis.
+        """
         target = self.stage if stage is None else as_stage(stage)
+        check_same_kind(self.stage, target, "gains")
         return target.changed(self._changes(families.law_of(target.setup.file.control)))
 
     @checked

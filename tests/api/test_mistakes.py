@@ -49,6 +49,22 @@ MISTAKES = {
     "degrees": (lambda s: sc_.tune(s, margin=30), "in degrees write '30 deg'"),
     "no capture": (lambda s: sc_.identify(s, []), "no capture was given"),
     "ending": (lambda s: s.save("x.txt"), "path x.txt; must end in .yaml"),
+    "complex": (lambda s: sc_.load_trajectory((TIMES, 1j * TIMES)), "source holds complex numbers; must be real"),
+    "block": (lambda s: s.changed({"mechanics": {"inertia": 0.02}}), "write {'mechanics.inertia': 0.02}"),
+    "kind": (lambda s: sc_.tune(s).apply(CONFIG / "linear-slider.yaml"), "must be of the same kind"),
+    "exclude": (lambda s: sc_.diagnose("x.csv", stage=s, exclude=["coging"]), "exclude coging: not an effect; did you"),
+    "model": (
+        lambda s: sc_.diagnose("x.csv", model={"kind": "rotary", "force_const": 0.7, "inertia": 1.0}),
+        "model force_const is not known: did you mean force_constant?",
+    ),
+    "model's unit": (
+        lambda s: sc_.diagnose("x.csv", model={"kind": "rotary", "force_constant": 0.7, "inertia": "100 kg cm^2"}),
+        "must be a number in SI, without its unit: write inertia=0.01",
+    ),
+    "millimetres": (
+        lambda s: sc_.load_trajectory((TIMES, 5.0 - 5.0 * np.cos(2.0 * np.pi * TIMES)), s),
+        "limits.travel",
+    ),
     "step": (lambda s: sc_.load_trajectory(SINE, s).to_arrays(0), "dt 0; must lie in (0, inf) s"),
 }
 
@@ -68,6 +84,12 @@ def test_columns_are_an_argument_in_python(tmp_path: Path) -> None:
         with pytest.raises(sc.StageError) as refused:
             sc.load_log(log, columns)
         assert "--columns" not in str(refused.value)
+
+
+def test_a_unit_that_is_not_known_is_quoted_as_it_was_written(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("a,b\n0,1\n1,2\n")
+    with pytest.raises(sc.StageError, match=r"columns='position=b:grad': .*rad, deg, rev"):
+        sc.load_log(tmp_path / "log.csv", {"time": "a", "position": "b:grad"}, STAGE)
 
 
 def test_what_python_says_itself_it_says_itself() -> None:
