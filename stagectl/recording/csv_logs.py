@@ -95,6 +95,7 @@ def _preamble(how: Layout) -> str:
 
 
 def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice]) -> Log:
+    chosen = [_with_unit(choice, how, _column(path, how, choice)) for choice in chosen]
     scales, known = of_choices(chosen, taken, path)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
     check_once(path, {known[ours][0].quantity: (at, f"column {at + 1}") for ours, (at, _) in places.items()})
@@ -104,6 +105,12 @@ def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice])
     notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
     labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
     return Log(path, scales, columns, [*notes, *cut], {}, labelled)
+
+
+def _with_unit(choice: Choice, how: Layout, at: int) -> Choice:
+    """The choice of a column that its number names, with the unit that its header says."""
+    named = parsed(how.names[at]) if at < len(how.names) else None
+    return choice._replace(unit=choice.unit or (named[1] if named else ""))
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:

@@ -94,7 +94,7 @@ def test_a_log_without_a_header(command: Command, folder: Path) -> None:
     [
         (("identify", "guessing", STAGE, "log.csv"), "least-squares: inertia, viscous and Coulomb friction and offset"),
         (("identify", "least-squares", "none.yaml", "log.csv"), "none.yaml cannot be read"),
-        (("identify", "least-squares", CONFIG / "emps.yaml", "log.csv"), "position in rad on an axis whose positions"),
+        (("identify", "least-squares", CONFIG / "emps.yaml", "log.csv"), "position in rad on a linear axis: "),
         ((*LEAST_SQUARES, "none.csv"), "none.csv: no such file or folder"),
         ((*LEAST_SQUARES, "none.h5"), "none.h5: no such file or folder"),
         ((*LEAST_SQUARES, "log.csv", "--delay", "2 mm"), "--delay 2 mm: 'mm' does not measure s; write a time such as"),

@@ -1,0 +1,82 @@
+"""Logs with a mistake that their reader can see: a unit that is missing, another kind of axis, a damaged text."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from stagectl.config.stage_file import load_stage
+from stagectl.problem import ProblemKind
+from stagectl.recording.hdf5 import RecordingError
+from stagectl.recording.imports import read
+from tests.conftest import CONFIG
+from tests.problems import refused
+
+KIND = ProblemKind
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("time_s,position_rad\n0,0\n1,1\n".encode("utf-16"), "UTF-16"),
+        (b"time_s,position_rad\n0,0\n1,1" + bytes(4096), "4096 zero bytes"),
+    ],
+)
+def test_a_text_of_16_bits_or_with_zeros_says_so(tmp_path: Path, content: bytes, words: str) -> None:
+    (tmp_path / "log.csv").write_bytes(content)
+    with pytest.raises(RecordingError, match=words) as caught:
+        read(tmp_path / "log.csv")
+    assert caught.value.problems[0].kind is KIND.SYNTAX and "\0" not in str(caught.value)
+
+
+def test_one_row_is_told_how_many_are_needed(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time_s,position_rad\n0,0\n")
+    with pytest.raises(RecordingError, match=r"has 1 row; .* 2 .* 100 ") as caught:
+        read(tmp_path / "log.csv")
+    assert caught.value.problems[0].kind is KIND.SHAPE
+
+
+@pytest.mark.parametrize(("step", "doubtful"), [(0.5, True), (5e-4, False), (1e-3, False), (0.1, False)])
+def test_rows_a_thousand_times_too_far_apart_are_noted_first(tmp_path: Path, step: float, doubtful: bool) -> None:
+    """The stage runs every 0.5 ms: rows every 0.5 s are ms under a header in s."""
+    lines = "".join(f"{k * step},{k}\n" for k in range(5))
+    (tmp_path / "log.csv").write_text(f"time_s,position_rad\n{lines}")
+    (recording,) = read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"))
+    assert ("in ms where s is named" in recording.meta["notes"][0]) is doubtful
+
+
+@pytest.mark.parametrize("words", [{"position": "q"}, {"position": "-2"}, {"position": "q:mm", "reference": "3"}])
+def test_the_unit_of_a_position_is_never_taken_as_known(tmp_path: Path, words: dict[str, str]) -> None:
+    """A screw's position may be in mm or in rad: the refusal lists what the axis admits, the header may say it."""
+    setup = load_stage(CONFIG / "ball-screw.yaml")
+    (tmp_path / "log.csv").write_text("t,q,r,position_mm\n0,0,1,0\n0.5,12,2,12\n")
+    with pytest.raises(RecordingError, match="rad, deg, rev") as caught:
+        read(tmp_path / "log.csv", setup, {"time": "t", **words})
+    assert caught.value.problems[0].kind is KIND.UNIT
+    for place in ("position_mm", "4", "4:mm"):
+        (named,) = read(tmp_path / "log.csv", setup, {"time": "t", "position": place})
+        np.testing.assert_allclose(named.column("measured"), [0.0, 2.0 * math.pi])
+
+
+def test_a_unit_of_another_quantity_is_told_which_there_are(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,q\n0,0\n0.5,12\n")
+    with pytest.raises(RecordingError, match="mm, m, um, nm, rad, deg, rev, counts") as caught:
+        read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"), {"time": "t", "position": "2:A"})
+    assert caught.value.problems[0].kind is KIND.UNIT
+
+
+def test_a_linear_record_is_not_of_a_rotary_stage(tmp_path: Path) -> None:
+    """The benchmark's layout, and our own export, say the kind of their axis."""
+    setup, rows = load_stage(CONFIG / "ball-screw.yaml"), np.arange(3.0)
+    savemat(tmp_path / "emps.mat", {"t": rows, "qm": rows, "qg": rows, "vir": rows, "gtau": 35.0})
+    axis = json.dumps({"axis": {"kind": "linear", "travel_per_unit": 1.0, "travel_unit": "m"}})
+    savemat(tmp_path / "own.mat", {"samples": {"time": rows, "measured": rows}, "meta": axis})
+    for name in ("emps.mat", "own.mat"):
+        assert len(read(tmp_path / name)) == 1
+        with refused(RecordingError, file=tmp_path / name, kind=KIND.CONFLICT):
+            read(tmp_path / name, setup)
