@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import enum
+import errno
 import json
 import os
 from collections.abc import Sequence
@@ -57,14 +58,20 @@ def _names(folder: Path) -> list[str]:
         return []
 
 
-def write_text(path: Path, text: str, mode: str = "w") -> None:
-    """Write a text file; the system's error of a full disk does not name it, this one does."""
-    try:
-        with path.open(mode, encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        error.filename = error.filename or str(path)
-        raise
+_REMEDIES = {
+    errno.EEXIST: "a file is where a folder is needed: choose another path",
+    errno.ENOTDIR: "a file is where a folder is needed: choose another path",
+    errno.EISDIR: "give the path of a file",
+    errno.EACCES: "choose another path, or see `ls -ld` for who may write there",
+    errno.ENOSPC: "make room, see `df -h`, or choose another disk",
+    errno.EDQUOT: "make room, see `quota`, or choose another disk",
+    errno.EFBIG: "choose another disk, or see `ulimit -f` for the largest file that you may write",
+}
+
+
+def remedy_of(cause: Exception) -> str:
+    """What to do where the system refuses to write; empty where that is not known."""
+    return _REMEDIES.get(getattr(cause, "errno", None) or 0, "")
 
 
 def why_unread(cause: Exception) -> str:

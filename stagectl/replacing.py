@@ -1,7 +1,14 @@
-"""Which file may be replaced: one that stagectl wrote, of the kind that it writes now; no other, whoever named it."""
+"""Which file may be replaced: one that stagectl wrote, of the kind that it writes now; no other, whoever named it.
+
+And how: the new one is written beside the old one and takes its place at the end.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import os
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from stagectl.problem import Problem, ProblemKind
@@ -12,14 +19,42 @@ PAGE = '<meta name="generator" content="stagectl">'
 JSON, JSON_LINES = '{\n  "', '{"'
 
 
-def check_replaceable(path: Path, mark: str) -> None:
-    """Raises StageError where a file stands there without the `mark` of ours in its beginning; empty: any file."""
+def check_replaceable(path: Path, mark: str | Callable[[Path], bool]) -> None:
+    """Raises StageError where a file stands there that is none of ours: without the `mark` in its beginning.
+
+    `mark` may be a function that knows; an empty one refuses any file.
+    """
     if not path.is_file():  # what else may stand there, the system refuses
         return
-    with path.open("rb") as file:
-        head = file.read(_HEAD)
-    if not (mark and (not head or mark.encode() in head)):
+    if not (mark and (not path.stat().st_size or (mark(path) if callable(mark) else _begins(path, mark)))):
         raise left_as_it_is(path, "is not of the kind that is written here" if mark else "was not named")
+
+
+def _begins(path: Path, mark: str) -> bool:
+    with path.open("rb") as file:
+        return mark.encode() in file.read(_HEAD)
+
+
+def check_ending(path: Path, ending: str, what: str) -> None:
+    """Raises StageError where a result under this name would be taken for something else."""
+    if path.suffix != ending:
+        reason, remedy = f"{path} is no name of {what}: it must end in {ending}", f"take {path.with_suffix(ending)}"
+        raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy, file=path))
+
+
+def check_is_file(path: Path) -> None:
+    """Raises StageError where a folder, a device or a pipe stands where a file is to be written."""
+    if path.exists() and not path.is_file():
+        what = "is a folder" if path.is_dir() else "is no ordinary file"
+        reason = f"{path} {what} and is left as it is"
+        raise StageError(Problem(reason, ProblemKind.FILE, remedy="name a file with -o", file=path))
+
+
+def check_is_folder(path: Path) -> None:
+    """Raises StageError where a file stands where a folder is to be written."""
+    if path.exists() and not path.is_dir():
+        remedy = "name a folder, or move the file away"
+        raise StageError(Problem(f"{path} is a file and no folder", ProblemKind.FILE, remedy=remedy, file=path))
 
 
 def left_as_it_is(path: Path, why: str) -> StageError:
@@ -28,3 +63,49 @@ def left_as_it_is(path: Path, why: str) -> StageError:
     return StageError(
         Problem(f"{path} exists, {why}, and is left as it is", ProblemKind.CONFLICT, remedy=remedy, file=path)
     )
+
+
+@contextlib.contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """A path beside `path` to write to; what is written there takes its place at the end, else nothing changes.
+
+    A link stays one; a device or a pipe is written to itself.  An OSError names `path`.
+    """
+    place = path.resolve()
+    with naming(path):
+        if place.exists() and not place.is_file():
+            yield place
+            return
+        if place.exists() and not os.access(place, os.W_OK):
+            raise PermissionError(13, "it is protected against writing")
+        fresh = place.with_name(f".{place.stem}-{os.getpid()}{place.suffix}")
+        try:
+            yield fresh
+            _put(fresh, place)
+        finally:
+            fresh.unlink(missing_ok=True)
+
+
+def _put(fresh: Path, place: Path) -> None:
+    """Let a whole file, that is on the disk, take the place of another."""
+    with fresh.open("rb") as file:
+        os.fsync(file.fileno())
+    if place.exists():
+        shutil.copymode(place, fresh)
+    os.replace(fresh, place)
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Let an OSError inside name this file: that of a full disk names none, that of a helper file names it."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = str(path)
+        raise
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with replaced(path) as fresh:
+        fresh.write_text(text, encoding="utf-8")

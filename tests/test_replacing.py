@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import resource
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stagectl as sc
 from stagectl.problem import ProblemKind
-from stagectl.recording.exports import WRITERS, export
-from stagectl.recording.hdf5 import open_recording
-from stagectl.replacing import JSON, PAGE, check_replaceable
+from stagectl.recording import learned_current
+from stagectl.recording.export_targets import SUFFIXES
+from stagectl.recording.exports import WRITERS, export, write_columns
+from stagectl.recording.hdf5 import open_recording, save
+from stagectl.recording.learned_current import Learned
+from stagectl.replacing import JSON, PAGE, check_replaceable, replaced, write_text
 from stagectl.units import StageError
 from tests.conftest import CONFIG, Command
 from tests.problems import refused
@@ -84,3 +91,77 @@ def test_a_stage_is_saved_over_itself_and_over_no_other(tmp_path: Path) -> None:
     for _ in range(2):
         changed.save(tmp_path / "copy.yaml")
     changed.save(mine)
+
+
+def test_a_new_file_takes_its_place_whole_or_not_at_all(tmp_path: Path) -> None:
+    path, link = tmp_path / "there.txt", tmp_path / "link.txt"
+    link.symlink_to(path)
+    write_text(link, "old")
+    path.chmod(0o640)
+
+    def half() -> None:
+        with replaced(link) as fresh:
+            fresh.write_text("ha")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(OSError, match="No space left") as caught:
+        half()
+    assert caught.value.filename == str(link)
+    assert (path.read_text(), sorted(tmp_path.iterdir())) == ("old", [link, path])
+    write_text(link, "new")
+    assert (path.read_text(), link.is_symlink(), path.stat().st_mode & 0o777) == ("new", True, 0o640)
+
+
+@pytest.mark.parametrize("to", ["recording", "learned", *WRITERS])
+def test_a_full_disk_leaves_the_older_file(recording: Path, to: str) -> None:
+    """The limit of this process on the size of a file stands for the disk."""
+    loaded, target = open_recording(recording), recording.with_name("old.h5")
+    if to in WRITERS:
+        target = target.with_suffix(SUFFIXES[to])
+
+    many = np.zeros(50_000)
+
+    def write() -> None:
+        if to == "recording":
+            save(target, loaded.meta, loaded.samples, "")
+        elif to == "learned":
+            learned_current.save(target, Learned(many, many, many, {}))
+        else:
+            export([loaded], to, target)
+
+    write()
+    before = {path: path.read_bytes() for path in target.parent.iterdir()}
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+    try:
+        with pytest.raises(StageError) as caught:
+            write()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert caught.value.problems[0].file == target
+    assert {path: path.read_bytes() for path in target.parent.iterdir()} == before
+
+
+@pytest.mark.parametrize("name", ["captures.yaml", "nominal.yaml", "a-1.csv"])
+def test_a_folder_of_captures_replaces_only_its_like(recording: Path, command: Command, name: str) -> None:
+    loaded, folder, table = open_recording(recording), recording.with_name("hand"), recording.with_name("a.csv")
+    loaded.meta["capture"] = {"experiment": "a"}
+    for _ in range(2):
+        export([loaded], "folder", folder)
+    shutil.rmtree(folder)
+    folder.mkdir()
+    mine = folder / name
+    mine.write_text(BY_HAND)
+    with refused(StageError, kind=ProblemKind.CONFLICT, file=mine):
+        export([loaded], "folder", folder)
+    write_columns(table, {"time_s": loaded.column("time"), "position_rad": loaded.column("measured")})
+    code, _, err = command("import", table, "--stage", CONFIG / "ball-screw.yaml", "-o", folder)
+    assert (code, str(mine) in err) == (2, True)
+    assert ([*folder.iterdir()], mine.read_text()) == ([mine], BY_HAND)
+
+
+def test_a_folder_of_captures_takes_the_place_of_no_file(recording: Path) -> None:
+    mine = recording.with_name("notes.yaml")
+    mine.write_text(BY_HAND)
+    with refused(StageError, kind=ProblemKind.FILE, file=mine):
+        export([open_recording(recording)], "folder", mine)

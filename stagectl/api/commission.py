@@ -35,6 +35,7 @@ from stagectl.gap.experiment_design.unseen import unseen
 from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import open_recording
+from stagectl.replacing import write_text
 from stagectl.units import StageError
 from stagectl.workflows import campaign, gap_closing, loop_trial, stage_versions
 from stagectl.workflows.acceptance import page as acceptance_page
@@ -261,7 +262,7 @@ def commission(p: Commissioning, again: str = "") -> dict[str, Any]:
                 p.say(f"{step.name}: done before: {p.done[step.name]['words']}")
                 continue
             _perform(p, step)
-            state.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+            write_text(state, json.dumps(result, indent=2) + "\n")
     return {**result, "machine_time": p.machine_time()}
 
 

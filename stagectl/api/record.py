@@ -180,9 +180,9 @@ def load_log(
     place = Path(path)
     setup = None if stage is None else as_stage(stage).setup
     if place.suffix == ".h5":
-        return record_of(open_recording(place))
+        return record_of(open_recording(place).filled("load"))
     if place.is_dir() and not (place / "captures.yaml").is_file():
-        return RecordFolder([record_of(open_recording(file)) for file in sorted(place.glob("*.h5"))])
+        return RecordFolder([record_of(open_recording(file).filled("load")) for file in sorted(place.glob("*.h5"))])
     from stagectl.recording.imports import read  # with pyarrow, which our own recordings do not need
 
     try:

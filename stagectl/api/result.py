@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from stagectl.api.arguments import ArgumentError, PathLike
 from stagectl.api.checked import checked
 from stagectl.extras import require
-from stagectl.problem import write_text
-from stagectl.replacing import JSON, check_replaceable
+from stagectl.replacing import JSON, check_replaceable, write_text
 from stagectl.units import StageError
 
 if TYPE_CHECKING:

@@ -8,7 +8,6 @@ quick, and a process that needs no compiler has none in its memory.
 
 from __future__ import annotations
 
-import errno
 import importlib
 import inspect
 import os
@@ -25,7 +24,7 @@ from typer.core import TyperGroup
 from stagectl.api.arguments import ArgumentError
 from stagectl.cli import INTERRUPTED
 from stagectl.cli.usage import usage_error
-from stagectl.problem import ProblemKind
+from stagectl.problem import ProblemKind, remedy_of
 from stagectl.units import StageError
 
 # Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each holds.
@@ -50,7 +49,8 @@ VERBS = {
         "fault",
     ),
     "effects": ("effects",),
-    "scope": ("scope", "record"),
+    "scope": ("scope",),
+    "record": ("record",),
     "installation": ("doctor", "service"),
     "faults": ("inject", "selftest"),
     "configuration": ("config",),
@@ -66,7 +66,7 @@ PANELS = {
     "Recordings": ("report", "replay", "export", "import"),
     "Identify": ("identify",),
     "Diagnose": ("gap",),
-    "Service": (*VERBS["service"], *VERBS["effects"], *VERBS["scope"], "inject", "service", "doctor"),
+    "Service": (*VERBS["service"], *VERBS["effects"], *VERBS["scope"], "record", "inject", "service", "doctor"),
     "Drive": ("commission", "drive", "virtual-drive", "selftest"),
 }
 START = """\
@@ -173,7 +173,7 @@ def main() -> None:
         stopped = any(problem.kind is ProblemKind.STOPPED for problem in error.problems)
         _fail(with_stage(_with_next(error)), INTERRUPTED if stopped else 2)
     except OSError as error:  # a result that cannot be written, a disk that is full
-        advice = _ADVICE.get(error.errno or 0, "")
+        advice = remedy_of(error)
         _fail(f"{error.filename or 'the system'}: {error.strerror or error}{advice and f'; {advice}'}")
     except KeyboardInterrupt:
         _fail("interrupted", INTERRUPTED)
@@ -217,15 +217,6 @@ def _end(code: object) -> NoReturn:
     if code == INTERRUPTED:
         _fail("interrupted: unwritten results are lost, nothing else has changed", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
-
-
-_ADVICE = {
-    errno.EEXIST: "a file is where a folder is needed: choose another path",
-    errno.ENOTDIR: "a file is where a folder is needed: choose another path",
-    errno.EISDIR: "give the path of a file",
-    errno.EACCES: "choose another path, or see `ls -ld` for who may write there",
-    errno.ENOSPC: "make room: see `df -h`",
-}
 
 
 def _with_next(error: StageError) -> str:

@@ -11,6 +11,7 @@ import typer
 from stagectl.cli.gap_apply import ResultArgument
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
+from stagectl.replacing import write_text
 from stagectl.units import ROTARY, StageError
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def _written(proposal: NextExperiment, folder: Path, output: Path | None) -> Pat
     if path.exists() and path.read_text(encoding="utf-8") != proposal.text:
         raise StageError(f"{path} exists and holds something else: move it away, or name another file with -o")
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(proposal.text, encoding="utf-8")
+    write_text(path, proposal.text)
     console.print(f"wrote {path}; to run it, and to diagnose again with it:")
     for line in _commands(proposal, place, path):
         console.print(line, style="bold")

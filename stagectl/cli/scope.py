@@ -1,4 +1,4 @@
-"""Commands that observe a running service: scope, record.
+"""The command `scope`: curves of a running service.
 
 A capture is lines of text: a lane for each channel, with its range and its unit.  A character of a curve has two
 columns and four rows of dots, which show the range of each column.
@@ -7,7 +7,6 @@ columns and four rows of dots, which show the range of each column.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,14 +16,11 @@ import typer
 from stagectl.api.arguments import quantity, terminal
 from stagectl.cli.motion import Json
 from stagectl.cli.service import AxisName, Socket, ask_service
-from stagectl.cli.show import console, emit, progress
+from stagectl.cli.show import console, emit
 from stagectl.number_format import duration, length
 from stagectl.units import Quantity
 
-_LOOK = 0.1  # s between two looks at a recording
-_LONGEST = 86400.0  # s of a recording without an end
 _TIME, _SHARE = Quantity("s", "[-inf, inf]", "time; the service knows its range"), Quantity("", "[-inf, inf]", "share")
-_FOR, _PAST = Quantity("s", f"(0, {_LONGEST:g}]", "duration"), Quantity("s", f"[0, {_LONGEST:g}]", "time before now")
 
 
 def scope(
@@ -136,63 +132,6 @@ def _list(axis: str, socket: Path | None, json: str | None) -> None:
             for channel, about in channels.items():
                 print(f"{name}  {channel:17} {about['unit'] or '-':6} {about['meaning']}")
     emit(known, json)
-
-
-def record(
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE.h5", help="Output file; default: the service keeps it."),
-    ] = None,
-    time_: Annotated[str | None, typer.Option("--for", metavar="TIME", help="Duration; default: until Ctrl-C.")] = None,
-    before: Annotated[
-        str, typer.Option(metavar="TIME", help="Include this much of the past, as far as available.")
-    ] = "0 s",
-    name: Annotated[str, typer.Option(metavar="NAME", help="Name of the service's file; default: the time.")] = "",
-    axis: AxisName = "",
-    socket: Socket = None,
-    json: Json = None,
-) -> None:
-    """Record an axis of the running service at full rate; the loop is not involved.
-
-    Example: stagectl record --for "10 s" -o recordings/now.h5
-    """
-    seconds = quantity("for", time_, _FOR, "it such as '10 s'") if time_ else _LONGEST
-    past = quantity("before", before, _PAST, "it such as '2 s'")
-    body = {"axis": axis, "name": name, "before": past, "seconds": seconds}
-    begun = ask_service(socket, "POST", "/v1/recordings", body)
-    console.print(f"recording {begun['axis']}" + ("" if time_ else "; Ctrl-C ends"))
-    try:
-        _until_whole(begun, seconds if time_ else 0.0, socket)
-    except KeyboardInterrupt:
-        ask_service(socket, "POST", f"/v1/recordings/end?axis={begun['axis']}")
-    result = {"axis": begun["axis"], "recording": begun["path"]}
-    if output is not None:
-        from stagectl.web.client import default_socket, fetch
-
-        what = f"/v1/recordings/recordings/{begun['axis']}/{begun['file']}"
-        output.parent.mkdir(parents=True, exist_ok=True)
-        fetch(socket or default_socket(), what, output)
-        result["recording"] = str(output)
-    console.print(f"recorded: {result['recording']}")
-    emit(result, json)
-
-
-def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None) -> None:
-    """Wait for the end of the file, with a bar if it is known.  Without rows there is no file: exit 1."""
-    began = time.monotonic()
-    with progress(f"record {begun['file']}", max(round(10 * seconds), 1)) as update:
-        while True:
-            files = ask_service(socket, "GET", "/v1/recordings")
-            mine = [file for file in files if (file["axis"], file["file"]) == (begun["axis"], begun["file"])]
-            if not mine:
-                words = f"nothing was recorded: {begun['axis']} gave no rows"
-                console.print(f"{words}: see `stagectl status` and `stagectl fault list`", style="red")
-                raise typer.Exit(1)
-            if not mine[0]["going_on"]:
-                return
-            elapsed = time.monotonic() - began
-            update(min(round(10 * elapsed), round(10 * seconds)), max(round(10 * seconds), 1))
-            time.sleep(_LOOK)
 
 
 _MARGIN = 12  # characters left of the curve

@@ -18,7 +18,8 @@ from stagectl.api.arguments import progress as progress
 from stagectl.api.arguments import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
-from stagectl.problem import Problem, ProblemKind, write_text
+from stagectl.problem import Problem, ProblemKind
+from stagectl.replacing import naming, write_text
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -161,7 +162,8 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
         if target == "-":
             tell(line)
         elif target is not None:
-            write_text(Path(target), f"{line}\n", "a")
+            with naming(Path(target)), Path(target).open("a", encoding="utf-8") as file:
+                file.write(f"{line}\n")
 
     return write
 

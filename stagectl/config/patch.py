@@ -8,11 +8,7 @@ be refused is never written.
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
@@ -29,6 +25,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import load_stage
 from stagectl.config.unit_format import hint_at, worded
 from stagectl.problem import Problem, ProblemKind
+from stagectl.replacing import replaced
 from stagectl.units import StageError, UnitError, quantity_of
 
 KEPT: Any = object()  # the value of an entry that stays as it is while its block becomes another one
@@ -199,36 +196,17 @@ def _close(read: Any, wanted: Any) -> bool:
 
 def replace_file(target: Path, content: bytes, check: Callable[[Path], object]) -> None:
     """Write a new file next to `target`, check it, and replace `target` by it in one step."""
-    real = target.resolve()
     try:
-        if real.exists() and not os.access(real, os.W_OK):
-            raise ConfigError(_unwritten(target, "is protected against writing"))
-        handle, name = tempfile.mkstemp(suffix=".yaml", prefix=f".{real.stem}-", dir=real.parent)
-    except OSError as error:
-        raise ConfigError(_unwritten(target, f"cannot be written: {error.strerror or error}")) from error
-    fresh = Path(name)
-    try:
-        _write(handle, content)
-        shutil.copymode(real, fresh) if real.exists() else fresh.chmod(0o644)
-        check(fresh)
-        os.replace(fresh, real)
+        with replaced(target) as fresh:
+            fresh.write_bytes(content)
+            check(fresh)
     except OSError as error:
         reason = f"cannot be written: {error.strerror or error}; it is as it was"
         raise ConfigError(_unwritten(target, reason)) from error
     except StageError as error:
         reasons = (p._replace(file=target) if p.file == fresh else p for p in error.problems)
         raise ConfigError("nothing is written, as the changed stage would be refused:", *reasons) from error
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            fresh.unlink()
 
 
 def _unwritten(target: Path, reason: str) -> Problem:
     return Problem(f"{target} {reason}", ProblemKind.FILE, file=target)
-
-
-def _write(handle: int, content: bytes) -> None:
-    with os.fdopen(handle, "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())

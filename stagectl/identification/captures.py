@@ -30,10 +30,12 @@ def opened(paths: Sequence[Path], setup: Setup, columns: Mapping[str, str] | Non
     """All recordings of `paths`, including those that are held out; `columns` names the columns of logs."""
     recordings: list[Recording] = []
     for path in paths:
-        if path.suffix != ".h5":
+        if path.suffix == ".h5":
+            recordings.append(open_recording(path, READ).filled("identify from"))
+        else:
             from stagectl.recording.imports import read  # with pyarrow, 60 MB that our own recordings need not
 
-        recordings += [open_recording(path, READ)] if path.suffix == ".h5" else read(path, setup, columns)
+            recordings += read(path, setup, columns)
     return recordings
 
 

@@ -12,7 +12,7 @@ from stagectl.extras import require
 from stagectl.interchange.round_trip import Compared
 from stagectl.problem import ProblemKind
 from stagectl.recording.file_lock import DataFileError
-from stagectl.replacing import check_replaceable
+from stagectl.replacing import check_replaceable, write_text
 from stagectl.units import StageError, quantity_of
 
 
@@ -46,7 +46,7 @@ def write_texts(files: Mapping[Path, str]) -> None:
         check_replaceable(file, text.splitlines()[0])
     for file, text in files.items():
         with ExportError.instead_of((OSError,), f"{file} cannot be written", file, ProblemKind.FILE):
-            file.write_text(text, encoding="utf-8")
+            write_text(file, text)
 
 
 class Simulator(NamedTuple):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError
-from stagectl.replacing import check_replaceable
+from stagectl.replacing import check_is_folder, check_replaceable
 
 SUFFIXES = {"csv": ".csv", "parquet": ".parquet", "mat": ".mat", "mcap": ".mcap", "trajectory": ".yaml"}
 # What stands in the beginning of each.
@@ -33,6 +34,30 @@ def targets(recordings: list[Recording], to: str, path: Path | None) -> list[Pat
     for target in found:  # under a name that nobody typed may be what somebody has written
         check_replaceable(target, _MARKS[to] if path else "")
     return found
+
+
+CAPTURES, NOMINAL = "captures.yaml", "nominal.yaml"
+WRITTEN = "# written by stagectl"  # the first line of both
+
+
+def check_folder(folder: Path, tables: Iterable[str], named: bool) -> None:
+    """Raises StageError where a folder of captures would replace what stagectl has not written, or nobody has named."""
+    check_is_folder(folder)
+    for name in (CAPTURES, NOMINAL):
+        check_replaceable(folder / name, WRITTEN if named else "")
+    for name in tables:
+        for table in (name, injection_table(name), setpoints_table(name)):
+            check_replaceable(folder / table, "time_s," if table != setpoints_table(name) else "reference_")
+
+
+def injection_table(name: str) -> str:
+    """The table of the added current, beside the capture of this name."""
+    return f"{Path(name).stem}-injection.csv"
+
+
+def setpoints_table(name: str) -> str:
+    """The table of the setpoints, beside the capture of this name."""
+    return f"{Path(name).stem}-setpoints.csv"
 
 
 def _check_suffix(path: Path, to: str) -> None:

@@ -23,11 +23,19 @@ from stagectl.kernels.law import Setpoint
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import mcap_log
 from stagectl.recording.constants import AT_REST, RUN
-from stagectl.recording.export_targets import targets
+from stagectl.recording.export_targets import (
+    CAPTURES,
+    NOMINAL,
+    WRITTEN,
+    check_folder,
+    injection_table,
+    setpoints_table,
+    targets,
+)
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.metadata import flat
 from stagectl.recording.nominal_yaml import nominal_of
-from stagectl.replacing import check_replaceable
+from stagectl.replacing import check_replaceable, replaced, write_text
 from stagectl.trajectories import Recorded
 
 # Columns of a capture folder and ours that they show; the header appends the unit.
@@ -56,13 +64,9 @@ def export(recordings: list[Recording], to: str, path: Path | None) -> list[Expo
     if to not in FORMATS:
         raise RecordingError(Problem("", ProblemKind.VALUE, "format", to, choices=FORMATS))
     for recording in recordings:
-        if not len(recording.samples):
-            reason = f"{recording.path} holds no rows: there is nothing to export"
-            raise RecordingError(reason, recording.path, ProblemKind.MISSING)
+        recording.filled("export")
     if to == FOLDER:
-        if path is None:
-            check_replaceable(recordings[0].path.with_suffix("") / "captures.yaml", "")
-        return [write_folder(recordings, path or recordings[0].path.with_suffix(""))]
+        return [write_folder(recordings, path)]
     found = targets(recordings, to, path)
     return [_write(to, recording, target) for recording, target in zip(recordings, found, strict=True)]
 
@@ -100,7 +104,7 @@ def header(name: str, unit: str) -> str:
 def write_columns(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """A CSV file with these columns; each number in the fewest digits that give the same bits again."""
     table = arrow().table({name: np.ascontiguousarray(values) for name, values in columns.items()})
-    with path.open("wb") as file:
+    with replaced(path) as fresh, fresh.open("wb") as file:
         file.write((",".join(columns) + "\n").encode())
         arrow().csv.write_csv(table, file, arrow().csv.WriteOptions(include_header=False))
 
@@ -119,7 +123,9 @@ def write_parquet(recording: Recording, path: Path) -> list[str]:
         for name, unit in unit_by_name.items()
     ]
     schema = arrow().schema(fields, metadata={"stagectl": json.dumps(recording.meta)})
-    arrow().parquet.write_table(arrow().table([recording.column(name) for name in unit_by_name], schema=schema), path)
+    table = arrow().table([recording.column(name) for name in unit_by_name], schema=schema)
+    with replaced(path) as fresh:
+        arrow().parquet.write_table(table, fresh)
     return []
 
 
@@ -133,7 +139,8 @@ def write_mat(recording: Recording, path: Path) -> list[str]:
         "units": unit_by_name,
         "meta": json.dumps(recording.meta),
     }
-    savemat(str(path), content, appendmat=False, oned_as="column")
+    with replaced(path) as fresh:
+        savemat(str(fresh), content, appendmat=False, oned_as="column")
     return []
 
 
@@ -162,7 +169,7 @@ def write_trajectory(recording: Recording, path: Path) -> list[str]:
     lines = [f"# The reference of {recording.path.name} ({recording.meta['name']}).", "type: csv"]
     lines += [f"file: {json.dumps(table.name)}"]
     lines += [f"{name}: {RUN:g} s   # the record is in motion here" for name, moving in ends.items() if moving]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
     added = " and ".join(name for name, moving in ends.items() if moving)
     return [f"the record is in motion at its ends: {added} of {RUN:g} s added around it"] if added else []
 
@@ -178,11 +185,14 @@ FOLDER = "folder"
 FORMATS = (*WRITERS, FOLDER)
 
 
-def write_folder(recordings: list[Recording], folder: Path) -> Exported:
-    """A folder of captures: captures.yaml, nominal.yaml and one CSV a recording.
+def write_folder(recordings: list[Recording], path: Path | None) -> Exported:
+    """A folder of captures: captures.yaml, nominal.yaml and one CSV a recording; next to the first without a `path`.
 
-    Raises RecordingError where the recordings are not of one stage and one controller.
+    Raises RecordingError where the recordings are not of one stage and one controller, StageError where the folder
+    holds such files that stagectl has not written.
     """
+    folder, entries = path or recordings[0].path.with_suffix(""), _captures(recordings)
+    check_folder(folder, [entry["file"] for entry in entries], path is not None)
     nominal = nominal_of(recordings[0])
     for other in recordings[1:]:
         if difference := _difference(nominal, nominal_of(other)):
@@ -194,11 +204,11 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
     captures, notes = [], []
     with RecordingError.instead_of((OSError,), f"{folder} cannot be written", folder, ProblemKind.FILE):
         folder.mkdir(parents=True, exist_ok=True)
-        for capture, recording in zip(_captures(recordings), recordings, strict=True):
+        for capture, recording in zip(entries, recordings, strict=True):
             notes += [f"{capture['file']}: {note}" for note in _write_capture(recording, folder / capture["file"])]
             captures.append({**capture, **_beside(recording, folder / capture["file"])})
-        _dump(folder / "captures.yaml", {"captures": captures})
-        _dump(folder / "nominal.yaml", nominal)
+        _dump(folder / CAPTURES, {"captures": captures})
+        _dump(folder / NOMINAL, nominal)
     return Exported(folder, notes)
 
 
@@ -208,11 +218,11 @@ def _beside(recording: Recording, path: Path) -> dict[str, Any]:
     keys: dict[str, Any] = {}
     added = sum((recording.column(name)[rows] for name in ("learned", "injection") if name in names), np.zeros(1))
     if np.any(added):
-        beside = path.with_name(f"{path.stem}-injection.csv")
+        beside = path.with_name(injection_table(path.name))
         write_columns(beside, {"time_s": recording.column("time")[rows], "injection_A": added})
         keys["injection"] = beside.name
     if set(Setpoint._fields) <= set(names):
-        beside, unit = path.with_name(f"{path.stem}-setpoints.csv"), units(recording)
+        beside, unit = path.with_name(setpoints_table(path.name)), units(recording)
         write_columns(beside, {header(name, unit[name]): recording.column(name)[rows] for name in Setpoint._fields})
         keys["setpoints"] = beside.name
     return keys
@@ -273,4 +283,4 @@ def _difference(a: dict[str, Any], b: dict[str, Any]) -> str:
 
 def _dump(path: Path, values: Any) -> None:
     text = yaml.safe_dump(values, sort_keys=False, width=120, allow_unicode=True, default_flow_style=None)
-    path.write_text(text, encoding="utf-8")
+    write_text(path, f"{WRITTEN}\n{text}")

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from stagectl.problem import Problem, ProblemKind, why_unread
+from stagectl.problem import Problem, ProblemKind, remedy_of, why_unread
 from stagectl.recording.constants import LOCK_PAUSE, LOCK_TRIES
 from stagectl.units import StageError
 
@@ -47,11 +47,12 @@ class DataFileError(StageError):
     def instead_of(
         cls, causes: tuple[type[Exception], ...], words: str, file: Path, kind: ProblemKind, advice: str = ""
     ) -> Iterator[None]:
-        """Turn one of the `causes` inside into this error: `words`, the cause's own reason, and `advice`."""
+        """Turn one of the `causes` inside into this error: `words`, the cause's own reason, and advice, ours or its."""
         try:
             yield
         except causes as cause:
-            raise cls(f"{words}: {why_unread(cause)}{advice}", file, kind) from cause
+            remedy = remedy_of(cause)
+            raise cls(f"{words}: {why_unread(cause)}{advice or (remedy and f'; {remedy}')}", file, kind) from cause
 
 
 class RecordingError(DataFileError):

@@ -23,19 +23,23 @@ import os
 import struct
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.kernels import law, rollout
+from stagectl.kernels import rollout
 from stagectl.problem import ProblemKind, absent
 from stagectl.recording.constants import BLOCK, GAPS, LONGEST_REASON, ROOM_AT_ONCE, ROOM_PER_BLOCK
 from stagectl.recording.file_lock import RecordingError as RecordingError
 from stagectl.recording.file_lock import beginning, being_written, claimed
+from stagectl.recording.in_memory import Recording as Recording
+from stagectl.recording.in_memory import column_attributes
+from stagectl.recording.in_memory import quantities as quantities
 from stagectl.recording.packing import Packed, Packer, layout
-from stagectl.units import Quantity, quantity_of
+from stagectl.replacing import check_ending, check_is_file, check_replaceable
+from stagectl.units import StageError
 
 FORMAT, _READ = "stagectl-recording/2", ("stagectl-recording/1", "stagectl-recording/2")
 _HDF5, _HEAD = b"\x89HDF\r\n\x1a\n\x03", struct.Struct("<12s16xQ")  # signature and version 3; the end of the file
@@ -46,54 +50,26 @@ class DamagedError(RecordingError):
     """A disk that failed while HDF5 wrote: nothing more can go into this file."""
 
 
-class Recording(NamedTuple):
-    """A recording in memory."""
-
-    path: Path
-    meta: dict[str, Any]
-    samples: NDArray[Any]  # (n,) structured, one float64 field per column
-    complete: bool  # written to its end
-    ended: str  # why it ended, in words
-    lost_rows: int
-    gaps: tuple[tuple[int, int], ...] = ()  # rows before each, and how many are lost there
-
-    def column(self, name: str) -> NDArray[np.float64]:
-        """One column, (n,), SI.  Raises RecordingError naming the columns there are."""
-        if name not in (self.samples.dtype.names or ()):
-            reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
-            raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)
-        return np.asarray(self.samples[name], dtype=np.float64)
-
-
-def quantities() -> dict[str, Quantity]:
-    """Unit and meaning of every column, as declared with the kernels' fields."""
-    known = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
-    for block in (law.Setpoint, law.Output, rollout.Observed):
-        hints = get_type_hints(block, include_extras=True)
-        known |= {name: quantity for name, hint in hints.items() if (quantity := quantity_of(hint))}
-    return known
-
-
 class Writer:
-    """A recording being written."""
+    """A recording being written: it has its name once it can be read, or, `whole`, once it is closed."""
 
-    def __init__(self, path: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
+    def __init__(self, path: Path, meta: dict[str, Any], columns: tuple[str, ...], whole: bool = False) -> None:
         self.path = path
-        if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
-            reason = f"{path} is no ordinary file and is left as it is: choose another file with -o"
-            raise RecordingError(reason, file=path, kind=ProblemKind.FILE)
-        if path.is_file() and path.stat().st_size and not _ours(path):
-            reason = f"{path} is not a recording and is left as it is: choose another file with -o"
-            raise RecordingError(reason, path, ProblemKind.CONFLICT)
-        place = path.resolve()  # a link stays one
-        self._held, self._room = claimed(place), 0
+        _check_kind(path)
+        self._place = path.resolve()  # a link stays one
+        self._held, self._room, self._whole = claimed(self._place), 0, whole
         try:
-            self._lay_out(beginning(place), meta, columns)
-            os.replace(beginning(place), place)
+            self._lay_out(beginning(self._place), meta, columns)
+            if not whole:
+                os.replace(beginning(self._place), self._place)
         except (OSError, RuntimeError, RecordingError):
-            beginning(place).unlink(missing_ok=True)
-            self._held.close()
+            self.drop()
             raise
+
+    def drop(self) -> None:
+        """Leave nothing of a recording that has no name yet; what had the name before is as it was."""
+        beginning(self._place).unlink(missing_ok=True)
+        self._held.close()
 
     def _lay_out(self, place: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
         """All that makes it a file that can be read, and room for the first rows."""
@@ -102,7 +78,7 @@ class Writer:
         self._file.attrs.update({"format": FORMAT, "created": meta["created"], "meta": json.dumps(meta)})
         self._file.attrs.update(_ending(_CUT_OFF, False, 0, ()))
         self._packer = Packer(self._file, layout(meta, columns), columns)
-        self._packer.samples.attrs.update(_column_attributes(meta["axis"], columns))
+        self._packer.samples.attrs.update(column_attributes(meta["axis"], columns))
         self._file.flush()
         self._file.swmr_mode = True
         self._room = os.fstat(self._held.fileno()).st_size
@@ -127,7 +103,11 @@ class Writer:
             for name, value in _ending(ended, complete, lost_rows, gaps).items():
                 self._file.attrs.modify(name, value)
             self._file.close()
-            os.ftruncate(self._held.fileno(), _end_of(self.path))  # what was reserved and not needed
+            written = beginning(self._place) if self._whole else self._place
+            os.ftruncate(self._held.fileno(), _end_of(written))  # what was reserved and not needed
+            if self._whole:
+                os.fsync(self._held.fileno())
+                os.replace(written, self._place)
         self._held.close()
 
     def _damaged_by(self, action: str) -> contextlib.AbstractContextManager[None]:
@@ -157,12 +137,6 @@ def _ending(ended: str, complete: bool, lost_rows: int, gaps: Gaps) -> dict[str,
     return {"complete": np.bool_(complete), "ended": text, "lost_rows": np.int64(lost_rows), "gaps": marked}
 
 
-def _column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[str, str]:
-    known = quantities()
-    units = {name: known[name].unit_for(axis["kind"]) for name in columns if name in known}
-    return {"units": json.dumps(units), "meanings": json.dumps({n: known[n].meaning for n in units})}
-
-
 def _ours(path: Path) -> bool:
     """Whether a file may be written over: a recording, whole or cut off."""
     try:
@@ -174,16 +148,42 @@ def _ours(path: Path) -> bool:
 
 def check_name(path: Path) -> None:
     """Raise RecordingError where a recording of this name would be taken for something else."""
-    if path.suffix != ".h5":
-        reason = f"{path} is no name of a recording: it must end in .h5; `stagectl export` makes other files of it"
-        raise RecordingError(reason, path, ProblemKind.FILE)
+    with _of_recordings():
+        check_ending(path, ".h5", "a recording")
+
+
+def check_target(path: Path) -> None:
+    """Raise RecordingError where no recording can be written: for its name, or for what is there."""
+    check_name(path)
+    _check_kind(path)
+
+
+def _check_kind(path: Path) -> None:
+    with _of_recordings():
+        check_is_file(path)
+        check_replaceable(path, _ours)
+
+
+@contextlib.contextmanager
+def _of_recordings() -> Iterator[None]:
+    try:
+        yield
+    except StageError as error:
+        raise RecordingError(error.problems[0]) from error
 
 
 def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str, complete: bool = True) -> None:
-    """Write a whole recording at once (a simulation, an import); `samples` is structured or (n, width)."""
-    writer = Writer(path, meta, tuple(samples.dtype.names or rollout.COLUMNS))
-    writer.append(np.ascontiguousarray(samples).tobytes())
-    writer.close(ended, 0, complete)
+    """Write a whole recording at once (a simulation, an import); `samples` is structured or (n, width).
+
+    Raises RecordingError where it cannot be written; a recording that was there is then as it was.
+    """
+    writer = Writer(path, meta, tuple(samples.dtype.names or rollout.COLUMNS), whole=True)
+    try:
+        writer.append(np.ascontiguousarray(samples).tobytes())
+        writer.close(ended, 0, complete)
+    except BaseException:
+        writer.drop()
+        raise
 
 
 def _not_cut_short(path: Path) -> None:
@@ -283,7 +283,5 @@ def repair(path: Path) -> bool:
         if being_written(path):
             return False
         recording = open_recording(path)
-    fresh = path.with_suffix(".repaired")
-    save(fresh, recording.meta, recording.samples, recording.ended, complete=False)
-    os.replace(fresh, path)
+    save(path, recording.meta, recording.samples, recording.ended, complete=False)
     return True

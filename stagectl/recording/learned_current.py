@@ -27,6 +27,7 @@ from stagectl.problem import ProblemKind
 from stagectl.recording.constants import ALIKE, NEAR
 from stagectl.recording.file_lock import DataFileError
 from stagectl.recording.metadata import flat, versions, written
+from stagectl.replacing import check_ending, check_is_file, check_replaceable, replaced
 
 FORMAT = "stagectl-learned/1"
 _ARRAYS = ("learned", "reference", "known")
@@ -64,11 +65,11 @@ def nothing(
 def claim(path: Path) -> None:
     """Make sure, before there is anything to lose, that a learned current can be kept in `path`.
 
-    Raises LearnedError where it cannot, or another kind of file is there.
+    Raises LearnedError where it cannot, StageError where its name is of another kind of file, or such a file is there.
     """
-    if path.exists() and not _ours(path):
-        reason = f"{path} is not a learned current and is left as it is: choose another file with -o"
-        raise LearnedError(reason, path, ProblemKind.CONFLICT)
+    check_ending(path, ".h5", "a learned current")
+    check_is_file(path)
+    check_replaceable(path, _ours)
     with _writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("ab").close()
@@ -79,19 +80,18 @@ def claim(path: Path) -> None:
 def save(path: Path, learned: Learned) -> None:
     """Write `learned`; a file that is not a learned current is left as it is.
 
-    Raises LearnedError where it cannot be written.
+    Raises LearnedError where it cannot be written; what was there is then as it was.
     """
     claim(path)
     meta = {**learned.meta, "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "versions": versions()}
-    with _writing(path), h5py.File(path, "w") as file:
+    with _writing(path), replaced(path) as fresh, h5py.File(fresh, "w") as file:
         file.attrs.update({"format": FORMAT, "meta": json.dumps(meta)})
         for name, values in zip(_ARRAYS, learned[:3], strict=True):
             file[name] = values
 
 
 def _writing(path: Path) -> AbstractContextManager[None]:
-    advice = "; choose another file with -o"
-    return LearnedError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE, advice)
+    return LearnedError.instead_of((OSError, RuntimeError), f"{path} cannot be written", path, ProblemKind.FILE)
 
 
 def load(path: Path) -> Learned:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from stagectl.extras import require
 from stagectl.recording.hdf5 import Recording
+from stagectl.replacing import replaced
 
 TOPIC, DEFINITION = "/axis", "stagectl_msgs/msg/Period"
 CDR = b"\x00\x01\x00\x00"  # little-endian; what follows is aligned to its end
@@ -31,7 +32,7 @@ def write(recording: Recording, path: Path, fields: dict[str, tuple[str, str]]) 
     from mcap.writer import Writer
 
     times = _times(recording)
-    with path.open("wb") as file:
+    with replaced(path) as fresh, fresh.open("wb") as file:
         writer: Any = Writer(file)
         writer.start(profile="ros2", library="stagectl")
         schema = writer.register_schema(DEFINITION, "ros2msg", definition(fields).encode())

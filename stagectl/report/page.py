@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from stagectl.problem import Problem, ProblemKind, write_text
-from stagectl.replacing import PAGE, check_replaceable
+from stagectl.problem import Problem, ProblemKind
+from stagectl.replacing import PAGE, check_replaceable, write_text
 from stagectl.units import StageError
 from stagectl.web import assets
 

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 def page(recording: Recording, commands: Sequence[str]) -> Page:
     """The page of a recording, of a machine or simulated.  Raises RecordingError for one that was imported."""
     check_ran(recording, "law and no tracking error to report")
-    samples, meta = recording.samples, recording.meta
+    samples, meta = recording.filled("report").samples, recording.meta
     result = evaluation.evaluate(samples, meta)
     return Page(
         f"{result['stage']}: {result['trajectory']}",

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.problem import why_unread
+from stagectl.replacing import replaced
 from stagectl.runtime_folder import runtime_folder, short_name
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
 from stagectl.units import StageError
@@ -152,17 +153,21 @@ def _not_allowed(path: Path) -> ControlError:
 
 
 def fetch(path: Path, what: str, target: Path) -> None:
-    """Write the file that a request gives to `target`.
+    """Write the recording that a request gives to `target`.
 
-    Raises RefusedError with the service's reason, ControlError where there is none to ask.
+    Raises RefusedError with the service's reason, ControlError where there is none to ask, RecordingError where
+    `target` is not ours to write.
     """
+    from stagectl.recording.hdf5 import check_target
+
+    check_target(target)
     link = _UnixConnection(path, MOTION_TIME)
     try:
         link.request("GET", urllib.parse.quote(what))
         answer = link.getresponse()
         if answer.status >= 400:
             raise RefusedError(str(json.loads(answer.read()).get("error")))
-        with target.open("wb") as file:
+        with replaced(target) as fresh, fresh.open("wb") as file:
             shutil.copyfileobj(answer, file)
     except (http.client.HTTPException, ConnectionError) as error:
         raise ControlError(f"the service on {path} ended while it sent {what} ({error})") from error

@@ -179,11 +179,11 @@ def test_a_file_that_cannot_be_kept_is_refused_before_anything_moves(
 ) -> None:
     monkeypatch.setattr(trials, "pretend", lambda *_: pytest.fail("something moved"))
     Path("text.h5").write_text("not a current")
-    for target, words in (("text.h5", "text.h5 is not a learned current"), ("text.h5/l.h5", "cannot be written")):
+    for target, words in (("text.h5", "text.h5 exists"), ("text.h5/l.h5", "cannot be written"), ("l.csv", "l.h5")):
         code, out, err = command("learn", STAGE, "sine.yaml", "--simulate", "-o", target)
         assert (code, out) == (2, "")
         assert words in err
-    assert not Path("recordings").exists()
+    assert not Path("recordings").exists() and not Path("l.csv").exists()
 
 
 def test_what_a_wrong_friction_model_leaves_is_learned(command: Command) -> None:

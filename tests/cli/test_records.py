@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 import yaml
 
-from stagectl.recording.hdf5 import open_recording
+import stagectl as sc
+from stagectl.problem import ProblemKind
+from stagectl.recording.hdf5 import RecordingError, open_recording, save
 from stagectl.report.constants import ALL_ROWS
 from stagectl.report.run import thinned
+from tests.problems import refused
 
 ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "config" / "ball-screw.yaml"
@@ -114,3 +117,26 @@ def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: 
 )
 def test_mistakes_end_in_words(arguments: tuple[object, ...], words: str) -> None:
     assert words in stagectl(*arguments, expect=2).stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("report",),
+        ("replay",),
+        ("export", "--to", "csv"),
+        ("export", "--to", "folder"),
+        ("identify", "least-squares", STAGE),
+        ("gap", "diagnose", "--stage", STAGE),
+    ],
+)
+def test_a_recording_without_rows_is_said_to_hold_none(
+    recording: Path, tmp_path: Path, words: tuple[object, ...]
+) -> None:
+    """As a disk leaves it that is full from the first row on."""
+    whole, path = open_recording(recording), tmp_path / "none.h5"
+    save(path, whole.meta, whole.samples[:0], "the disk was full")
+    done = stagectl(*words, path, expect=2)
+    assert (done.stdout, f"{path} holds no rows" in done.stderr) == ("", True)
+    with refused(RecordingError, kind=ProblemKind.MISSING):
+        sc.load_log(path)

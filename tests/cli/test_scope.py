@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -105,3 +108,33 @@ def test_a_recording_of_an_axis_that_gives_no_rows(command: Command, tmp_path: P
         code, _, err = command("record", "--for", "0.2 s", "--socket", machine.socket)
     assert code == 1
     assert "nothing was recorded: axis gave no rows: see `stagectl status`" in " ".join(err.split())
+
+
+@pytest.mark.parametrize("name", ["mine.h5", "notes.yaml", "folder.h5"])
+def test_what_is_no_recording_is_left_before_anything_is_recorded(
+    machine: Served, command: Command, tmp_path: Path, name: str
+) -> None:
+    target, before = tmp_path / name, machine.ask("GET", "recordings")
+    target.mkdir() if name.startswith("folder") else target.write_text("mine")
+    code, out, err = command("record", "--for", "0.1 s", "-o", target, "--socket", machine.socket)
+    assert (code, out) == (2, "")
+    assert str(target) in err
+    assert target.is_dir() or target.read_text() == "mine"
+    assert machine.ask("GET", "recordings") == before
+
+
+def test_a_recording_that_cannot_be_brought_is_said_to_be_with_the_service(
+    machine: Served, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "old.h5"
+    words = ["record", "--for", "0.1 s", "-o", target, "--socket", machine.socket]
+    assert command(*words)[0] == 0
+    before = target.read_bytes()
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(shutil, "copyfileobj", full)
+    code, _, err = command(*words)
+    assert (code, target.read_bytes(), list(tmp_path.iterdir())) == (2, before, [target])
+    assert str(machine.folder / "state" / "recordings" / "axis") in err

@@ -17,6 +17,7 @@ from stagectl.drives.canopen.network import PumpedNode, load_eds
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME, SILENT_OBJECTS
+from stagectl.replacing import write_text
 
 Progress = Callable[[int, int], None]
 
@@ -118,4 +119,4 @@ def write_dcf(entries: list[ObjectValue], eds: str, node: int, path: Path) -> No
     dcf.set("DeviceComissioning", "NodeID", str(node))
     text = io.StringIO()
     dcf.write(text, space_around_delimiters=False)
-    path.write_text(text.getvalue(), encoding="utf-8")
+    write_text(path, text.getvalue())

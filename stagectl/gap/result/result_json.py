@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import VERDICTS, Array, DiagnosisResult
 from stagectl.problem import why_unread
+from stagectl.replacing import write_text
 from stagectl.typed_json import TypedJsonError, decoded, encoded
 
 NAME = "diagnosis.json"
@@ -66,7 +67,7 @@ def _thinned(column: Array) -> Array:
 def save(result: DiagnosisResult, folder: Path) -> Path:
     """Write ``diagnosis.json`` into the folder of the captures; returns the file."""
     path = folder / NAME
-    path.write_text(json.dumps(as_json(result), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(as_json(result), indent=1, allow_nan=False) + "\n")
     return path
 
 

@@ -21,7 +21,7 @@ from stagectl.interchange.fmu import description, model_header
 from stagectl.interchange.fmu.variables import variables
 from stagectl.interchange.round_trip import Array, Simulated, compared
 from stagectl.problem import ProblemKind
-from stagectl.replacing import check_replaceable
+from stagectl.replacing import check_replaceable, replaced
 from stagectl.units import StageError
 
 SOURCE = "fmi3.c"
@@ -82,7 +82,7 @@ def _compile(command: str, folder: Path, identifier: str) -> None:
 
 
 def _zip(folder: Path, path: Path) -> None:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with replaced(path) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(folder.rglob("*")):
             if file.is_file():
                 archive.write(file, file.relative_to(folder))

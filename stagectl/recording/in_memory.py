@@ -1,0 +1,57 @@
+"""A recording in memory, and what its columns are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.kernels import law, rollout
+from stagectl.problem import ProblemKind
+from stagectl.recording.file_lock import RecordingError
+from stagectl.units import Quantity, quantity_of
+
+
+class Recording(NamedTuple):
+    """A recording in memory."""
+
+    path: Path
+    meta: dict[str, Any]
+    samples: NDArray[Any]  # (n,) structured, one float64 field per column
+    complete: bool  # written to its end
+    ended: str  # why it ended, in words
+    lost_rows: int
+    gaps: tuple[tuple[int, int], ...] = ()  # rows before each, and how many are lost there
+
+    def filled(self, what: str) -> Recording:
+        """The recording itself, where it holds rows.  Raises RecordingError where there is nothing to `what`."""
+        if not len(self.samples):
+            reason = f"{self.path} holds no rows: there is nothing to {what}; {self.ended or 'record it again'}"
+            raise RecordingError(reason, self.path, ProblemKind.MISSING)
+        return self
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """One column, (n,), SI.  Raises RecordingError naming the columns there are."""
+        if name not in (self.samples.dtype.names or ()):
+            reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
+            raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)
+        return np.asarray(self.samples[name], dtype=np.float64)
+
+
+def quantities() -> dict[str, Quantity]:
+    """Unit and meaning of every column, as declared with the kernels' fields."""
+    known = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
+    for block in (law.Setpoint, law.Output, rollout.Observed):
+        hints = get_type_hints(block, include_extras=True)
+        known |= {name: quantity for name, hint in hints.items() if (quantity := quantity_of(hint))}
+    return known
+
+
+def column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[str, str]:
+    """Units and meanings of these columns of an axis, each as JSON."""
+    known = quantities()
+    units = {name: known[name].unit_for(axis["kind"]) for name in columns if name in known}
+    return {"units": json.dumps(units), "meanings": json.dumps({n: known[n].meaning for n in units})}
