@@ -23,6 +23,7 @@ from typer.core import TyperGroup
 
 from stagectl.api.arguments import ArgumentError
 from stagectl.cli import INTERRUPTED
+from stagectl.cli.streams import Verb, keep_closed
 from stagectl.cli.usage import usage_error
 from stagectl.problem import ProblemKind, remedy_of
 from stagectl.units import StageError
@@ -124,9 +125,18 @@ def application(word: str = "") -> typer.Typer:
     app.callback()(_root)
     for name in [name for name, verbs in VERBS.items() if word in verbs] or VERBS:
         _add(app, importlib.import_module(f"stagectl.cli.{name}"), VERBS[name])
+    _dress(app)
+    return app
+
+
+def _dress(app: typer.Typer) -> None:
+    """Give each group, and each command in it, our class."""
+    for command in app.registered_commands:
+        command.cls = Verb
     for group in app.registered_groups:
         group.cls = Verbs
-    return app
+        if group.typer_instance is not None:
+            _dress(group.typer_instance)
 
 
 def _add(app: typer.Typer, module: Any, verbs: tuple[str, ...]) -> None:
@@ -160,6 +170,7 @@ def _root(
 
 def main() -> None:
     """Entry of the command; a user's mistake never ends in a traceback."""
+    keep_closed()
     os.environ.setdefault("MPLBACKEND", "Agg")  # figures go into pages: no window, no toolkit in memory
     try:
         _end(_run())

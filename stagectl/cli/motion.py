@@ -22,6 +22,7 @@ from stagectl.cli.show import (
     typed,
     without_compiler,
 )
+from stagectl.cli.streams import check_output
 from stagectl.extras import require
 from stagectl.replacing import JSON, JSON_LINES, PAGE, check_replaceable
 from stagectl.units import Quantity
@@ -37,7 +38,9 @@ def replacing(mark: str) -> Callable[[Any], Any]:
     """What refuses a file that a long computation could not replace in the end, before it begins; see `replacing`."""
 
     def check(value: Any) -> Any:
-        if value is not None and str(value) != "-":
+        if str(value) == "-":
+            check_output()
+        elif value is not None:
             check_replaceable(Path(value), mark)
         return value
 

@@ -19,7 +19,7 @@ from stagectl.api.arguments import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
-from stagectl.replacing import naming, write_text
+from stagectl.replacing import JSON, check_replaceable, naming, write_text
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -58,8 +58,9 @@ def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
     """
     text = json.dumps(result, indent=2, allow_nan=False) + "\n" if target is not None else ""
     if target == "-":
-        print(text, end="")
+        tell(text.removesuffix("\n"))
     elif target is not None:
+        check_replaceable(Path(target), JSON)  # this command may have written another result there
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         write_text(Path(target), text)
     if words := result.get("interrupted"):
@@ -144,11 +145,14 @@ def patch(stage: Path, target: Path | None, write: Callable[[Path], Sequence[Cha
 
 
 def tell(line: str) -> None:
-    """Print one line if anybody still reads; a drive continues anyway."""
+    """Print one line if anybody still reads; a drive continues anyway.  Raises OSError where it cannot be written."""
     try:
-        print(line, flush=True)
-    except BrokenPipeError:  # this line and later ones go nowhere
+        with naming(Path("standard output")):
+            print(line, flush=True)
+    except OSError as error:  # this line and later ones go nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            raise
 
 
 def stream(target: str | None) -> Callable[[dict[str, Any]], None]:

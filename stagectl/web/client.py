@@ -13,7 +13,7 @@ import urllib.parse
 from pathlib import Path
 from typing import Any
 
-from stagectl.problem import why_unread
+from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.replacing import replaced
 from stagectl.runtime_folder import runtime_folder, short_name
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
@@ -71,7 +71,9 @@ def _group(path: Path) -> str:
 def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, patience: float | None = None) -> Any:
     """The answer to a request; a service that is stuck is not waited for, but for a motion, or `patience` (s).
 
-    Raises RefusedError with the service's reason, ControlError where there is none to ask.
+    Who interrupts a motion stops its axis.
+    Raises RefusedError with the service's reason, ControlError where there is none to ask, StageError where the
+    operator has stopped it.
     """
     if patience is None:
         patience = MOTION_TIME if what.partition("?")[0] in MOTIONS else ANSWER_TIME
@@ -81,6 +83,10 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, 
         link.request(method, what, content, {"Content-Type": "application/json"} if content else {})
         answer = link.getresponse()
         result = json.loads(answer.read())
+    except KeyboardInterrupt:
+        if what.partition("?")[0] not in MOTIONS:
+            raise
+        raise _interrupted(path, _axis_of(what, body or {})) from None
     except PermissionError as error:
         raise _not_allowed(path) from error
     except TimeoutError as error:
@@ -95,6 +101,25 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, 
     if answer.status >= 400:
         raise RefusedError(str(result.get("error", result)))
     return result
+
+
+def _axis_of(what: str, body: dict[str, Any]) -> str:
+    """The axis that a motion is for; empty for several, or where it names none."""
+    asked = urllib.parse.parse_qs(what.partition("?")[2]).get("axis", [])
+    names = {*asked, *(body.get("to") or {}), *(body.get("by") or {}), body.get("axis", "")} - {""}
+    return names.pop() if len(names) == 1 else ""
+
+
+def _interrupted(path: Path, axis: str) -> StageError:
+    """Stop what a motion moves whose operator interrupts it; the error that says whether that went well."""
+    try:
+        axes = stop(path, False, axis)["axes"]
+    except (StageError, KeyboardInterrupt) as error:
+        why = str(error) or "a second Ctrl-C came before it stood"
+        reason = f"interrupted, and {axis or 'the axis'} MAY GO ON, as its stop did not succeed: {why}"
+        return StageError(Problem(reason, ProblemKind.LIMIT, remedy="run `stagectl stop`, or press the emergency stop"))
+    states = "; ".join(f"{one['axis']}: {one['state_words']}" for one in axes if axis in ("", one["axis"]))
+    return StageError(Problem(f"interrupted: the motion was stopped ({states})", ProblemKind.STOPPED))
 
 
 def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import socket
 import subprocess
@@ -13,6 +14,7 @@ import h5py
 import numpy as np
 import pytest
 
+from stagectl.replacing import PAGE
 from stagectl.web import client
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
@@ -168,3 +170,35 @@ def test_port_taken(command: Command, folder: Path) -> None:
             "a service listens on control.sock already",
             "another --socket",
         )
+
+
+@pytest.mark.parametrize("second", ["q.h5", "./q.h5"])
+def test_one_name_for_two_results(command: Command, second: str) -> None:
+    ends(command("simulate", STAGE, SINE, "-o", "q.h5", "--json", second), "--output", "--json", "q.h5")
+    assert not Path("q.h5").exists()
+
+
+def test_json_over_a_result_of_the_same_command(command: Command) -> None:
+    """The name that the page gets by itself."""
+    assert command("simulate", STAGE, SINE, "-o", "q.h5")[0] == 0
+    ends(command("report", "q.h5", "--json", "q.html"), "q.html")
+    assert PAGE in Path("q.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("redirected", "code", "words"),
+    [
+        (">&-", 2, "standard output is closed"),
+        ("> /dev/full", 2, "standard output: No space left"),
+        ("2>&-", 0, ""),
+    ],
+)
+def test_a_standard_stream_that_takes_nothing(redirected: str, code: int, words: str) -> None:
+    """Neither is a result lost in silence, nor do messages go into it."""
+    typed = f"{sys.executable} -m stagectl config schema --json - {redirected}"
+    if code == 0:
+        typed = f"{sys.executable} -m stagectl simulate {STAGE} {SINE} -o a.h5 --json - {redirected}"
+    done = subprocess.run(["bash", "-c", typed], capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, words in done.stderr, "Traceback" in done.stderr) == (code, True, False)
+    if code == 0:
+        assert json.loads(done.stdout)["recording"] == "a.h5"
