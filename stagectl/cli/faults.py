@@ -37,16 +37,19 @@ def inject(
     from stagectl.config.stage_file import load_stage
     from stagectl.config.wire import canopen, on_channel
     from stagectl.drives.faults import FAULT_TYPES
-    from stagectl.drives.virtual.inject import ask, socket_path
+    from stagectl.drives.virtual.inject import ask, check_stage, socket_path
 
     if str(stage) in FAULT_TYPES:
         raise StageError(Problem(f"{stage} is a fault", ProblemKind.FILE, remedy="the stage file comes first"))
     if stage is None or clear == (fault is not None):
         raise StageError("give STAGE.yaml, and either the name of a fault (see --list) or --clear")
-    wire = canopen(on_channel(load_stage(stage, designed=False), channel))
+    setup = on_channel(load_stage(stage, designed=False), channel)
+    wire = canopen(setup)
+    place = socket_path(wire.interface, wire.channel, wire.node)
     block = read_fault(fault, parameters or []) if fault else None
     request = {"do": "add", "fault": block._asdict()} if block else {"do": "clear"}
-    answer = ask(socket_path(wire.interface, wire.channel, wire.node), request)
+    check_stage(place, setup.file.name)
+    answer = ask(place, request)
     active = ", ".join(answer["active"]) or "none"
     console.print(f"node {wire.node} on {wire.interface} {wire.channel}: faults that act: {active}")
     emit(answer, json)

@@ -147,9 +147,17 @@ def following(state: State, event: Event) -> State | None:
 
 def why_not(event: Event, state: State) -> str:
     """Why an order cannot be given in this state, and what can."""
-    first = {Event.ENABLE: "first run `stagectl fault reset`", Event.MOVE: "first run `stagectl enable`"}
-    first[Event.HOME] = first[Event.MOVE]
-    advice = first.get(event, "see `stagectl status`")
+    why = f"{event.name.lower()} is not possible in state {state.name.lower()} ({state.words})"
+    return f"{why}; {_before(event, state)}"
+
+
+def _before(event: Event, state: State) -> str:
+    """What to do so that an order can be given."""
     if state in (State.MOVING, State.HOMING, State.STOPPING, State.DRIVE_HOMING):
-        advice = "wait for its end, or run `stagectl stop`"
-    return f"{event.name.lower()} is not possible in state {state.name.lower()} ({state.words}); {advice}"
+        return "wait for its end, or run `stagectl stop`"
+    if event is Event.ENABLE:
+        return "first run `stagectl fault reset`"
+    if event in (Event.MOVE, Event.HOME):
+        reset = "`stagectl fault reset`, then " if state is State.FAULT else ""
+        return f"first run {reset}`stagectl enable`"
+    return "see `stagectl status`"

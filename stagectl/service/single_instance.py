@@ -99,14 +99,12 @@ async def take_lock(state: Path, ends: contextlib.ExitStack, say: Callable[[str]
     if _locked(lock):
         return lock
     user = f"another service (process {_process(state)}) uses {state}"
-    say(f"{user}; waiting {_LOCK:.0f} s for it to end")
+    advice = "stop it first, by Ctrl-C in its terminal or by `systemctl stop stagectl`, or choose another --state"
+    say(f"{user}; waiting {_LOCK:.0f} s for it to end; where it does not: {advice}")
     end = time.monotonic() + _LOCK
     while not _locked(lock):
         if time.monotonic() > end:
-            raise ServiceError(
-                f"{user}: stop it first, by Ctrl-C in its terminal or by `systemctl stop stagectl`, or choose another "
-                "--state"
-            )
+            raise ServiceError(f"{user}: {advice}")
         await asyncio.sleep(0.1)
     return lock
 

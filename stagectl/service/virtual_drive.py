@@ -120,7 +120,7 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     report(words)
 
     def answer(request: dict[str, Any]) -> dict[str, Any]:
-        who = {"words": words, "parent": os.getppid()}
+        who = {"words": words, "parent": os.getppid(), "stage": setup.file.name}
         return who if request["do"] == "who" else obey(node.faults, node.now(), request)
 
     def over() -> bool:

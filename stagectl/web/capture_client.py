@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.runtime_folder import short_name
-from stagectl.web.client import ControlError, RefusedError
+from stagectl.web.client import ControlError, RefusedError, nobody
 from stagectl.web.limits import CONNECTION_TIME
 from stagectl.web.live import CAPTURE, FREE, HEAD
 
@@ -82,9 +82,7 @@ def captures(path: Path, request: dict[str, Any]) -> Iterator[tuple[dict[str, An
     except ConnectionClosed as error:
         raise ControlError(f"the service has closed the connection: {error.reason or 'it has ended'}") from error
     except (OSError, InvalidHandshake, ValueError) as error:
-        raise ControlError(
-            f"no service answers on {path} ({error}); start one with `stagectl serve STAGE.yaml`"
-        ) from error
+        raise nobody(path, error) from error
 
 
 def unpacked(message: bytes) -> ReceivedCapture:

@@ -95,12 +95,38 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, 
             "or kill it and start it again; both stop the axes"
         ) from error
     except (OSError, http.client.HTTPException, ValueError) as error:
-        raise ControlError(f"no service answers on {path} ({why_unread(error)}); {_NOBODY}") from error
+        raise nobody(path, error) from error
     finally:
         link.close()
     if answer.status >= 400:
         raise RefusedError(str(result.get("error", result)))
     return result
+
+
+def nobody(path: Path, cause: Exception) -> ControlError:
+    """What to say where nothing answers on `path`: no socket, a service that has lost its own, or no service."""
+    if path.exists() and not path.is_socket():
+        remedy = "name the control socket of a service, or leave out --socket"
+        return ControlError(Problem(f"{path} is no socket", ProblemKind.FILE, remedy=remedy, file=path))
+    if _runs(path):
+        reason = f"a service runs, but nothing answers on its control socket {path} ({why_unread(cause)})"
+        remedy = "wait where it has just begun; else end it, by Ctrl-C in its terminal or `systemctl restart stagectl`"
+        problem = Problem(reason, ProblemKind.CONFLICT, remedy=f"{remedy}; `stagectl stop` stops its axes", file=path)
+        return ControlError(problem)
+    return ControlError(f"no service answers on {path} ({why_unread(cause)}); {_NOBODY}")
+
+
+def _runs(path: Path) -> bool:
+    """Whether the stop path that belongs to this control socket answers."""
+    try:
+        link = StopLink(beside(path))
+    except OSError:
+        return False
+    with contextlib.closing(link):
+        try:
+            return bool(link.ask(STATUS, "", STOP_ANSWER))
+        except OSError:
+            return False
 
 
 def _axis_of(what: str, body: dict[str, Any]) -> str:
@@ -133,7 +159,7 @@ def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:
     except PermissionError as error:
         raise _not_allowed(place) from error
     except OSError as error:
-        raise ControlError(f"no service answers on {place} ({why_unread(error)}); {_NOBODY}") from error
+        raise nobody(place, error) from error
     try:
         answer = link.ask(QUICK_STOP if quick else STOP, axis, STOP_ANSWER)
         if "error" in answer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stagectl.drives.drive import Fault
-from stagectl.realtime.states import POWERED, STOPS_GOING_ON, TABLE, Event, State, event_of, following
+from stagectl.realtime.states import POWERED, STOPS_GOING_ON, TABLE, Event, State, event_of, following, why_not
 from stagectl.realtime.stops import STOPS, Category
 
 FAULTS = [fault for fault in Fault if fault is not Fault.NONE]
@@ -64,3 +64,12 @@ def test_from_every_state_there_is_a_way_to_stand_without_power_and_to_stand_und
 
 def test_every_state_has_words() -> None:
     assert len({state.words for state in State}) == len(State)
+
+
+@pytest.mark.parametrize("order", [Event.ENABLE, Event.MOVE, Event.HOME])
+def test_what_an_axis_in_fault_refuses_begins_with_a_reset(order: Event) -> None:
+    advice = why_not(order, State.FAULT)
+    assert "`stagectl fault reset`" in advice
+    if order is not Event.ENABLE:
+        assert advice.index("fault reset") < advice.index("`stagectl enable`")
+        assert "fault reset" not in why_not(order, State.DISABLED)

@@ -104,6 +104,14 @@ def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
     return answer
 
 
+def check_stage(path: Path, stage: str) -> None:
+    """Raises InjectError where the virtual drive that listens at `path` is that of another stage."""
+    there = ask(path, {"do": "who"}).get("stage", "an older stagectl")
+    if there != stage:
+        reason = f"the virtual drive there is of {there}, not of {stage}, and is left as it is"
+        raise InjectError(f"{reason}: give the stage file of {there}, or another --channel", place=str(path))
+
+
 def obey(faults: Any, now: float, request: dict[str, Any]) -> dict[str, Any]:
     """Carry out a request on these `faults` at `now` (s)."""
     if request["do"] == "clear":
