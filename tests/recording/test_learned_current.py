@@ -14,6 +14,7 @@ from stagectl.problem import ProblemKind
 from stagectl.recording import learned_current
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import open_recording
+from stagectl.units import StageError
 from stagectl.workflows.motion import blank, prepare, with_current
 from stagectl.workflows.simulated_motion import pretend
 from tests import problems
@@ -91,7 +92,7 @@ def test_files_that_are_none(ball_screw: Setup, tmp_path: Path) -> None:
     with problems.refused(learned_current.LearnedError, kind=ProblemKind.SYNTAX, file=tmp_path / "text.h5"):
         learned_current.load(tmp_path / "text.h5")
     here = blank(prepare(ball_screw, SINE, NOTHING, None))
-    with problems.refused(learned_current.LearnedError, kind=ProblemKind.CONFLICT, file=tmp_path / "text.h5"):
+    with problems.refused(StageError, kind=ProblemKind.CONFLICT, file=tmp_path / "text.h5"):
         learned_current.save(tmp_path / "text.h5", here)
     assert (tmp_path / "text.h5").read_text() == "not a current"
     made(ball_screw, tmp_path / "b.h5")
