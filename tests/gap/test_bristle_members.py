@@ -36,7 +36,7 @@ def test_a_law_of_one_bristle_is_fitted_by_its_shape(
     """Better than by the best of the grid; the stop operators, which could stand for a part of it, carry little."""
     law: dict[str, object] = {"law": "dahl", "coulomb": 1.0, "range": length, "exponent": exponent}
     _, found = fitted({"friction": law}, tmp_path)
-    monkeypatch.setattr(thresholds, "SHAPES_TRIED", 1)
+    monkeypatch.setattr(thresholds, "SHAPE_STEPS", 0)
     _, coarse = fitted({"friction": law}, tmp_path)
     left, left_by_grid = (refine.total(e, e.base.after) for e in (found, coarse))
     carried, by_grid = (sum(e.base.model.stage.friction.operators.weight) for e in (found, coarse))

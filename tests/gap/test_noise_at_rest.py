@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from stagectl_studies.machine.stage_trial import stage_trial
+from stagectl_studies.machine.stages import reversal
 from stagectl_studies.machine.trials import Options as Drawn
 from stagectl_studies.machine.trials import draw
 
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
+from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.noise_at_rest import quiet
 
 DT = 5e-4
@@ -36,7 +38,9 @@ def test_a_bristle_is_found_as_it_is(tmp_path: Path, seed: int) -> None:
     trial = draw(seed, "null-law", Drawn(short=True, law="dahl"))
     stage_trial(trial, tmp_path)
     fitted = diagnose.baseline(load_session.load([tmp_path / "captures"]), ()).base.model.stage.friction
-    law, coulomb = trial.rig.machine.law, trial.rig.machine.body.coulomb
+    coulomb = trial.rig.machine.body.coulomb
+    displacement = np.linspace(0.0, 20.0 * trial.rig.machine.law.length, 800)
+    true = coulomb * (1.0 + reversal(trial.rig.machine.law, displacement))
+    found = friction_family.reversal(fitted, displacement)
+    assert np.abs(found - true).max() < 0.02 * 2.0 * coulomb
     assert fitted.bristle.coulomb > 0.75 * coulomb
-    assert fitted.bristle.coulomb / fitted.bristle.stiffness == pytest.approx(law.length, rel=0.2)
-    assert fitted.bristle.exponent == pytest.approx(law.exponent, rel=0.2)

@@ -27,7 +27,7 @@ from stagectl.gap.residuals.sensitivities import (
 )
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds
-from stagectl.gap.selection.bristle_members import Data, Family, is_member, members, with_best
+from stagectl.gap.selection.bristle_members import Family, is_member, members, with_best
 from stagectl.gap.selection.priors import Prior
 from stagectl.gap.selection.shift_start import in_time
 from stagectl.kernels import friction_bristle, stage
@@ -187,7 +187,7 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     residuals, family = before, Family(known, tuple(bristles))
     for _ in range(thresholds.BASELINE_STEPS):
         if family.chosen is None:
-            family = with_best(family, model, Data(runs, noise, residuals), own, prior)
+            family = with_best(family, residuals, own)
         g, names = gram_matrices.fold_sums(family.products, residuals), [*own, *family.names]
         after = _stepped(prior, runs, model, (g, residuals, noise), (names, family.chosen))
         if after is None:
