@@ -42,5 +42,5 @@ def test_a_bristle_is_found_as_it_is(tmp_path: Path, seed: int) -> None:
     displacement = np.linspace(0.0, 20.0 * trial.rig.machine.law.length, 800)
     true = coulomb * (1.0 + reversal(trial.rig.machine.law, displacement))
     found = friction_family.reversal(fitted, displacement)
-    assert np.abs(found - true).max() < 0.02 * 2.0 * coulomb
+    assert np.abs(found - true).max() < 0.03 * 2.0 * coulomb
     assert fitted.bristle.coulomb > 0.75 * coulomb
