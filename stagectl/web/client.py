@@ -109,7 +109,8 @@ def nobody(path: Path, cause: Exception) -> ControlError:
         remedy = "name the control socket of a service, or leave out --socket"
         return ControlError(Problem(f"{path} is no socket", ProblemKind.FILE, remedy=remedy, file=path))
     if _runs(path):
-        reason = f"a service runs, or still stops its axes, but nothing answers on its control socket {path} ({why_unread(cause)})"
+        runs = "a service runs, or still stops its axes"
+        reason = f"{runs}, but nothing answers on its control socket {path} ({why_unread(cause)})"
         remedy = "wait where it has just begun; else end it, by Ctrl-C in its terminal or `systemctl restart stagectl`"
         problem = Problem(reason, ProblemKind.CONFLICT, remedy=f"{remedy}; `stagectl stop` stops its axes", file=path)
         return ControlError(problem)
