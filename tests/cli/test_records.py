@@ -49,7 +49,7 @@ def test_export_writes_beside_the_recording(recording: Path) -> None:
 def test_the_page_of_a_run(recording: Path, tmp_path: Path) -> None:
     """The answer in words, the figures, and all that it takes to do it again: command, versions, configuration."""
     answer = json.loads(stagectl("report", recording, "-o", tmp_path / "page.html", "--json", "-").stdout)
-    page = (tmp_path / "page.html").read_text()
+    page = (tmp_path / "page.html").read_text().replace("\u00a0", " ")
     assert answer["answer"].startswith("The stage tracks within ") and answer["answer"] in page
     assert page.count("<img ") == 3 and "Simulated, on the stage model" in page
     assert f"stagectl replay {recording}" in page and "python-can" in page
