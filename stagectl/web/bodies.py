@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from fastapi import HTTPException
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict
 from starlette.requests import HTTPConnection, Request
@@ -38,6 +40,47 @@ _WORDS = {
 def wrong(details: Iterable[Mapping[str, Any]]) -> str:
     """What pydantic found wrong with a message, each entry with its place."""
     return "; ".join(f"{'.'.join(map(str, one['loc']))}: {_WORDS.get(one['type'], one['msg'])}" for one in details)
+
+
+class _JsonRequest(Request):
+    """A request whose body is read by `parsed`."""
+
+    async def json(self) -> Any:
+        """The body."""
+        return parsed(await self.body())
+
+
+class JsonRoute(APIRoute):
+    """A route whose body is read by `parsed`."""
+
+    def get_route_handler(self) -> Callable[[Request], Any]:
+        """What answers a request."""
+        answer = super().get_route_handler()
+
+        async def handle(request: Request) -> Any:
+            return await answer(_JsonRequest(request.scope, request.receive))
+
+        return handle
+
+
+def parsed(body: bytes) -> Any:
+    """JSON in UTF-8 that says every key once; raises HTTPException, or what `json.loads` raises."""
+    try:
+        text = body.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        words = f"the body is not UTF-8 from byte {error.start} on ({body[error.start]:#04x}): send UTF-8"
+        raise HTTPException(400, words) from error
+    return json.loads(text, object_pairs_hook=_each_once)
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object; of a key that it says twice nobody knows which is meant."""
+    entries = dict(pairs)
+    if len(entries) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise HTTPException(422, f"the body says {json.dumps(twice)} twice, and nothing was done: remove one")
+    return entries
 
 
 async def check_no_body(request: Request) -> None:

@@ -17,6 +17,7 @@ from pydantic import BaseModel, Field
 from starlette.routing import Match, Route
 
 from stagectl.config.bounds import LARGEST_FILE
+from stagectl.problem import nearest
 from stagectl.realtime.shared_memory import BoardFullError
 from stagectl.service import planning
 from stagectl.service.axis_controller import AbsentError, AxisController, ServiceError
@@ -25,7 +26,7 @@ from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
-from stagectl.web.bodies import STOPS, Strict, check_no_body, check_query, for_client, wrong
+from stagectl.web.bodies import STOPS, JsonRoute, Strict, check_no_body, check_query, for_client, wrong
 from stagectl.web.limits import AXES, AXIS_NAME, EFFECTS, FILE_NAME, GAINS, LARGEST_NUMBER, PLACE, QUANTITY, TABLES
 
 AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
@@ -146,6 +147,10 @@ _GUARDED: dict[int | str, dict[str, Any]] = {
     401: {"model": Refusal, "description": "TCP: the token is missing or wrong."},
     403: {"model": Refusal, "description": "TCP: reading only."},
 }
+_STATUS: dict[int | type[Exception], int] = {
+    **{AbsentError: 404, ServiceError: 409, BoardFullError: 409, StageError: 422},
+    **{status: status for status in (400, 422)},
+}
 
 
 def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:  # noqa: B008  # a constant
@@ -157,13 +162,11 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
         redoc_url=None,
         responses=_GUARDED,
         dependencies=[Depends(check_query)],
+        redirect_slashes=False,  # to a client that does not follow, an empty answer
     )
-    app.add_exception_handler(AbsentError, _refusal(404))
-    app.add_exception_handler(ServiceError, _refusal(409))
-    app.add_exception_handler(BoardFullError, _refusal(409))
-    app.add_exception_handler(StageError, _refusal(422))
-    app.add_exception_handler(422, _refusal(422))
-    app.add_exception_handler(400, _refusal(400))
+    app.router.route_class = JsonRoute
+    for cause, status in _STATUS.items():
+        app.add_exception_handler(cause, _refusal(status))
     app.add_exception_handler(404, _absent)
     app.add_exception_handler(405, _not_allowed)
     app.add_exception_handler(RequestValidationError, _malformed)
@@ -177,18 +180,15 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
 
 def _refusal(status: int) -> Callable[[Request, Exception], Awaitable[Response]]:
     async def answer(_: Request, error: Exception) -> Response:
-        return JSONResponse({"error": str(error)}, status)
+        return JSONResponse({"error": str(getattr(error, "detail", error))}, status)
 
     return answer
 
 
 async def _not_allowed(request: Request, _: Exception) -> Response:
     """405 with every method of the path; each is a route."""
-    fitting = [
-        route
-        for route in request.app.routes
-        if isinstance(route, Route) and route.matches(request.scope)[0] != Match.NONE
-    ]
+    known = (route for route in request.app.routes if isinstance(route, Route))
+    fitting = [route for route in known if route.matches(request.scope)[0] != Match.NONE]
     methods = ", ".join(sorted({name for route in fitting for name in route.methods or ()}))
     return JSONResponse({"error": f"{request.method} {request.url.path}: only {methods}"}, 405, {"Allow": methods})
 
@@ -201,7 +201,10 @@ async def _malformed(request: Request, error: Exception) -> Response:
 
 
 async def _absent(request: Request, _: Exception) -> Response:
-    words = f"{request.method} {request.url.path}: there is no such path; GET /openapi.json lists all"
+    path = request.url.path
+    near = nearest(path, [route.path for route in request.app.routes if isinstance(route, Route)])
+    meant = f"did you mean {near}? " if near else ""
+    words = f"{request.method} {path}: there is no such path; {meant}GET /openapi.json lists all"
     return JSONResponse({"error": words}, 404)
 
 

@@ -83,6 +83,27 @@ def test_a_body_of_another_kind_says_what_it_must_be(service: Service, body: byt
     assert answer.status == 422 and error in answer.error
 
 
+@pytest.mark.parametrize(
+    ("body", "status", "key"),
+    [
+        (b'{"to": {"axis": "1 mm"}, "to": {"axis": "2 mm"}}', 422, '"to" twice'),
+        (b'{"to": {"axis": "1 mm", "axis": "2 mm"}}', 422, '"axis" twice'),
+        ('{"to": {"axis": "5 µm"}}'.encode("latin-1"), 400, "byte 19 on (0xb5): send UTF-8"),
+    ],
+)
+def test_a_body_that_can_be_read_in_two_ways_moves_nothing(
+    service: Service, body: bytes, status: int, key: str
+) -> None:
+    answer = answered(application(service), "POST", "/v1/move", body, content_type="application/json")
+    assert answer.status == status and key in answer.error
+    assert not answer.error.startswith(str(status))
+
+
+def test_a_slash_at_the_end_is_another_path_and_says_which_is_meant(service: Service) -> None:
+    answer = answered(application(service), "POST", "/v1/move/")
+    assert answer.status == 404 and "did you mean /v1/move?" in answer.error
+
+
 def test_an_entry_is_named_in_words() -> None:
     details = [{"loc": ("body", "position"), "type": "extra_forbidden", "msg": "Extra inputs are not permitted"}]
     assert wrong(details) == "body.position: is not known here; GET /openapi.json says what is"
