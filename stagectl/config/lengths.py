@@ -42,13 +42,18 @@ class Lengths(NamedTuple):
             return value
 
     def _through_lead(self, text: str, unit: str) -> float | None:
-        """A table length where an angle is expected, or an angle where a length is; None where `text` is neither."""
+        """A table length where an angle is expected, or an angle where a length is; None where `text` is neither.
+
+        Raises UnitError where its number cannot be used.
+        """
         family, lead = _family(unit), self.lead / (2.0 * math.pi)
         if family not in ("rad", "m") or self.axis != ROTARY:
             return None
         try:
             value = parse(text, unit.replace(family, "m" if family == "rad" else "rad", 1))
-        except UnitError:
+        except UnitError as error:
+            if error.problems[0].kind is ProblemKind.VALUE:  # the unit fits, the number does not
+                raise
             return None
         if lead > 0.0:
             return value / lead if family == "rad" else value * lead

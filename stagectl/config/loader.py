@@ -17,11 +17,14 @@ import yaml
 from stagectl.config.bounds import DEEPEST_BLOCK, LONGEST_LIST, LONGEST_SHOWN, LONGEST_TEXT, MOST_PROBLEMS
 from stagectl.config.hints import extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
-from stagectl.config.source import ConfigError, compose, entry_of
+from stagectl.config.source import ConfigError, compose, entry_of, key_of
 from stagectl.problem import Problem, ProblemKind, below, nearest
 from stagectl.units import Quantity, StageError, Tagged, quantity_of, unit_in
 
 _OBJECT = re.compile(r"[0-9A-Fa-f]{4}_[0-9A-Fa-f]{1,2}")  # of a drive's dictionary, without its 0x
+_MERGE = "<<"
+_MERGED = Problem("is a merge key, which is not read: write the keys out", ProblemKind.UNKNOWN)
+_ZEROS = re.compile(r"0+[1-9][0-9]*")  # YAML of old read 010 as 8
 _POWER = re.compile(r"(2|10)(?:\^|\*\*)([0-9]{1,2})")
 
 
@@ -31,6 +34,7 @@ class Reader:
     def __init__(self, path: Path, lengths: Lengths) -> None:
         self.path, self.lengths = path, lengths
         self.problems: list[Problem] = []
+        self._outermost: tuple[str, ...] = ()  # what may stand at the left margin
 
     def refuse(self, node: yaml.Node, problem: Problem) -> None:
         """Note a problem at the line of `node`."""
@@ -80,23 +84,26 @@ class Reader:
             reason = f"{'' if name else 'the file '}must be a block of `key: value` lines"
             self.refuse(node, Problem(reason, ProblemKind.SHAPE, name))
             return {}
+        self._outermost = self._outermost if name else known
         entries: dict[str, yaml.Node] = {}
         for key, value in node.value:
             word = key.value if isinstance(key, yaml.ScalarNode) else str(key.tag)
-            problem = self._wrong_key(word, known, word in entries)
+            problem = self._wrong_key(word, known, word in entries, isinstance(value, yaml.MappingNode))
             if problem is None:
                 entries[word] = value
             else:
                 self.refuse(key, problem._replace(key=below(name, _shown(word))))
         return entries
 
-    def _wrong_key(self, word: str, known: tuple[str, ...], repeated: bool) -> Problem | None:
-        if word == "<<":
-            return Problem("is a merge key, which is not read: write the keys out", ProblemKind.UNKNOWN)
+    def _wrong_key(self, word: str, known: tuple[str, ...], repeated: bool, block: bool) -> Problem | None:
+        if word == _MERGE:
+            return _MERGED
         if repeated:
             return Problem("is written twice", ProblemKind.REPEATED, remedy="remove one")
         if word in known:
             return None
+        if block and word in self._outermost:
+            return Problem("is a block of its own", ProblemKind.UNKNOWN, remedy=f"write {word}: at the left margin")
         near = nearest(word, known) if len(self.problems) < MOST_PROBLEMS else ""  # the search is slow
         remedy = f"did you mean {near}?" if near else f"known are {', '.join(sorted(filter(None, known)))}"
         return Problem("is not known", ProblemKind.UNKNOWN, remedy=remedy)
@@ -108,6 +115,9 @@ class Reader:
         chosen = entry_of(node, tag.key)
         if chosen is None and tag.default and isinstance(node, yaml.MappingNode):
             return self.block(tag.blocks[tag.default], node, name)
+        if chosen is None and (merge := key_of(node, _MERGE)) is not None:  # the key may stand in what it merges
+            self.refuse(merge, _MERGED._replace(key=below(name, _MERGE)))
+            return None
         if not isinstance(chosen, yaml.ScalarNode):
             self.refuse(node, Problem("is missing", ProblemKind.MISSING, key, choices=choices))
             return None
@@ -220,6 +230,8 @@ def _whole(text: str) -> str:
     """How to write the whole number that is meant."""
     if _OBJECT.fullmatch(text):
         return f"an object is hexadecimal, write 0x{text}"
+    if _ZEROS.fullmatch(text):
+        return f"without a leading zero, write {text.lstrip('0')}"
     power = _POWER.fullmatch(text)
     return f"write {int(power[1]) ** int(power[2])}" if power else ""
 

@@ -87,8 +87,16 @@ def children_of(node: yaml.Node) -> list[yaml.Node]:
 
 def entry_of(node: yaml.Node | None, name: str) -> yaml.Node | None:
     """The value under `name` in a block; None where there is none, or no block."""
-    entries = node.value if isinstance(node, yaml.MappingNode) else []
-    return next((value for key, value in entries if key.value == name), None)
+    return next((value for key, value in _entries(node) if key.value == name), None)
+
+
+def key_of(node: yaml.Node | None, name: str) -> yaml.Node | None:
+    """The key `name` itself, as it stands in a block; None where there is none, or no block."""
+    return next((key for key, _ in _entries(node) if key.value == name), None)
+
+
+def _entries(node: yaml.Node | None) -> list[tuple[yaml.Node, yaml.Node]]:
+    return node.value if isinstance(node, yaml.MappingNode) else []
 
 
 def node_at(node: yaml.Node, name: str) -> yaml.Node:
@@ -152,21 +160,42 @@ def _syntax_error(path: Path, text: str, error: yaml.YAMLError) -> ConfigError:
         return _forbidden(path, text, error.position)
     if glued := _GLUED.search(text):
         return _no_blank(path, text, glued)
-    mark = getattr(error, "problem_mark", None)
     reason = getattr(error, "problem", None) or "not YAML"
-    advice = "check indentation, quotes and colons around this line"
-    if mark is not None and reason.startswith("expected <block end>"):
-        above = next((line for line in reversed(text.splitlines()[: mark.line]) if line.strip()), "")
-        indent = len(above) - len(above.lstrip())
-        reason, advice = f"indented by {mark.column}, the line above it by {indent}", "align what belongs together"
+    if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
+        return malformed(path, f"{reason}; {_CHECK}")
+    opened = error.context_mark if error.context == "while scanning a quoted scalar" else None
+    if opened is not None and reason.startswith("found unexpected"):
+        return malformed(path, "a quote opens here and is not closed: close it", opened.line + 1)
+    mark = error.problem_mark
+    return malformed(path, _in_words(reason, mark, text.splitlines()), mark.line + 1)
+
+
+_CHECK = "check indentation, quotes and colons around this line"
+_UNIT_OF_LIST = re.compile(r"\[([-+.,0-9eE ]{1,80})\] *([A-Za-zµ°%^/*0-9 ]{1,20})")  # ``[-50, 50] mm``
+
+
+def _in_words(reason: str, mark: yaml.Mark, lines: list[str]) -> str:
+    """What the parser found at `mark`, in words, and what to do."""
     if "'\\t'" in reason:
-        reason, advice = "a tab", "YAML indents with spaces: replace each tab by two"
-    return malformed(path, f"{reason}; {advice}", mark.line + 1 if mark is not None else 1)
+        return "a tab; YAML indents with spaces: replace each tab by two"
+    if reason == "but found another document":
+        return "a second document begins here; a file holds one: remove the `---`"
+    if not reason.startswith("expected <block end>"):
+        return f"{reason}; {_CHECK}"
+    if united := _UNIT_OF_LIST.search(lines[mark.line] if mark.line < len(lines) else ""):
+        meant = ", ".join(f"{value.strip()} {united[2].strip()}" for value in united[1].split(","))
+        return f"words behind a list; each value has its own unit: write [{meant}]"
+    above = next((line for line in reversed(lines[: mark.line]) if line.strip()), "")
+    indent = len(above) - len(above.lstrip())
+    return f"indented by {mark.column}, the line above it by {indent}; align what belongs together"
 
 
 def _no_blank(path: Path, text: str, glued: re.Match[str]) -> ConfigError:
     line = text.count("\n", 0, glued.start(1)) + 1
-    return malformed(path, f"a blank after the colon is missing: write '{glued[1]} {glued[2]}'", line)
+    meant = f"'{glued[1]} {glued[2]}'"
+    return malformed(
+        path, f"a blank after the colon is missing: write {meant if meant.isprintable() else ascii(meant)}", line
+    )
 
 
 def _forbidden(path: Path, text: str, position: int) -> ConfigError:

@@ -123,12 +123,21 @@ def _drive(file: StageFile) -> Iterator[Problem]:
         reason = f"must be below drive.current_limit, {drive.current_limit:g} A, from which the drive folds back to it"
         current = f"{drive.continuous_current:g} A"
         yield Problem(reason, _CONFLICT, "drive.continuous_current", current, "A", f"(0, {drive.current_limit:g})")
-    friction = sliding(friction_of(file.friction))
-    if drive.current_limit * file.motor.force_constant <= friction:
-        holding = friction / file.motor.force_constant
-        reason = "the Coulomb friction holds the axis up to this limit, so it cannot move"
-        limit, unit = f"{drive.current_limit:g} A", "A"
-        yield Problem(reason, _CONFLICT, "drive.current_limit", limit, unit, f"({holding:.4g}, inf)")
+    yield from _held(file)
+
+
+def _held(file: StageFile) -> Iterator[Problem]:
+    """Friction that the drive's current cannot overcome: either of the two may be the mistake."""
+    friction, limit = sliding(friction_of(file.friction)), file.drive.current_limit
+    most = limit * file.motor.force_constant
+    if most > friction:
+        return
+    unit = "N" if file.axis.kind == LINEAR else "N m"
+    key = "friction.coulomb" if hasattr(file.friction, "coulomb") else "friction.weight"
+    reason = "more than drive.current_limit overcomes, so the axis cannot move"
+    yield Problem(reason, _CONFLICT, key, f"{friction:.4g} {unit}", unit, f"[0, {most:.4g})")
+    reason, holding = f"does not overcome {key}", friction / file.motor.force_constant
+    yield Problem(reason, _CONFLICT, "drive.current_limit", f"{limit:g} A", "A", f"({holding:.4g}, inf)")
 
 
 def _transmission(file: StageFile) -> Iterator[Problem]:

@@ -217,6 +217,53 @@ MISTAKES = {
         key="drive.wire.heartbeat_timeout",
         value="0.01 s",
     ),
+    "leading zero": Mistake(
+        "node: 5\n",
+        "node: 010\n",
+        "node: 5",
+        kind=Kind.VALUE,
+        key="drive.wire.node",
+        value="010",
+        remedy="without a leading zero, write 10",
+    ),
+    "unit behind a list": Mistake(
+        "travel: [-50 mm, 50 mm]",
+        "travel: [-50, 50] mm",
+        "travel: [",
+        kind=Kind.SYNTAX,
+        reason="words behind a list; each value has its own unit: write [-50 mm, 50 mm]",
+    ),
+    "number beyond all numbers": Mistake(
+        "speed: 300 mm/s",
+        "speed: 3e400 mm/s",
+        "  speed: 300",
+        kind=Kind.VALUE,
+        key="limits.speed",
+        value="3e400 mm/s",
+        reason="too large for a number",
+    ),
+    "block within another": Mistake(
+        "motor:\n  force_constant: 0.72 N m/A",
+        "  motor:\n    force_constant: 0.72 N m/A",
+        "motor:",
+        kind=Kind.UNKNOWN,
+        key="axis.motor",
+        remedy="write motor: at the left margin",
+    ),
+    "open quote": Mistake(
+        "inertia: 0.010 kg m^2",
+        'inertia: "0.010 kg m^2',
+        "inertia:",
+        kind=Kind.SYNTAX,
+        reason="a quote opens here and is not closed: close it",
+    ),
+    "second document": Mistake(
+        "\nmotor:",
+        "\n---\nmotor:",
+        "motor:",
+        kind=Kind.SYNTAX,
+        reason="a second document begins here; a file holds one: remove the `---`",
+    ),
     "tab": Mistake("  lead: 12 mm", "\tlead: 12 mm", "lead:", kind=Kind.SYNTAX),
 }
 
@@ -307,6 +354,22 @@ def test_typical_mistakes_of_a_trajectory(
     Path("motion.yaml").write_text(text)
     with refused(StageError, **fields):
         prepare(ball_screw, Path("motion.yaml"), frozenset(), None)
+
+
+def test_a_type_that_is_merged_is_said_to_be_merged(ball_screw: Setup, tmp_path: Path) -> None:
+    path = tmp_path / "motion.yaml"
+    path.write_text(f"base: &b {{{SINE.format('1 mm', '1 Hz', 1).strip()}}}\n<<: *b\n".replace("\n", ", ", 3))
+    with refused(StageError, kind=Kind.UNKNOWN, key="<<", file=path, line=2):
+        prepare(ball_screw, path, frozenset(), None)
+
+
+def test_friction_that_the_current_does_not_overcome_is_named_beside_the_current(
+    error_of: Callable[[str, str], StageError],
+) -> None:
+    friction, current = error_of("coulomb: 1.0 N m", "coulomb: 1.0 kN m").problems
+    assert friction[:6] == (friction.reason, Kind.CONFLICT, "friction.coulomb", "1000 N m", "N m", "[0, 10.8)")
+    assert (current.key, current.value, current.interval) == ("drive.current_limit", "15 A", "(1389, inf)")
+    assert (friction.line, current.line) == (line("coulomb:"), line("current_limit:"))
 
 
 @pytest.mark.parametrize(
