@@ -80,7 +80,8 @@ def linearised(
 ) -> Linearised:
     """The sets that may join `now`, compared; `out` is an effect that was just taken out of it, with its values.
 
-    Without `traces`, effects of any size count, and an error of form is no larger than all that `now` leaves.
+    An effect that explains much explains it with an error of form, so the powers stay those of the beginning.  Without
+    `traces`, effects of any size count, and an error of form is no larger than all that `now` leaves.
     """
     refined = () if out is None else (as_form(out),)
     columns = [*refine.parameters(now), *(each for form in refined for each in candidates.directions(form))]
@@ -146,10 +147,7 @@ def _left(g: Array, nuisances: Sequence[Prior]) -> float:
 
 
 def _start(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Conditioned:
-    """The data with all nuisances integrated out; each cut counts with the power of its likelihood.
-
-    An effect that explains much explains it with an error of form, so the powers stay those of the beginning.
-    """
+    """The data with all nuisances integrated out; each cut counts with the power of its likelihood."""
     mixed = powers[0] * g.effort.sum(axis=0) + powers[1] * g.current.sum(axis=0)
     gram = mixed[:-1, :-1] + RIDGE * np.diag(np.diag(mixed)[:-1])  # rounding must not make it indefinite
     state = Conditioned(gram, mixed[:-1, -1], -0.5 * float(mixed[-1, -1]))
