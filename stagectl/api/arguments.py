@@ -74,6 +74,9 @@ def switched_off(without: str | Iterable[str], compensator: str = "model") -> fr
         for name in unknown:
             if name not in answered():
                 near = nearest(name, (*known, *answered()))
+                if "," in name:
+                    each = " ".join(f"--without {one.strip()}" for one in name.split(","))
+                    raise ArgumentError("without", name, f": name each by itself: {each}")
                 hint = f": did you mean {near}?" if near else f"; must be one of {', '.join((*known, *answered()))}"
                 raise ArgumentError("without", name, hint)
     return frozenset("friction" if name == compensator else name for name in names)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stagectl.api.arguments import LAYERS, switched_off
-from stagectl.cli.motion import Channel, Json, Plant, StageArgument, TrajectoryArgument, Without
+from stagectl.cli.motion import Channel, Json, Plant, StageArgument, TrajectoryArgument, Without, noted
 from stagectl.cli.show import console, emit, without_compiler, write_page
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
@@ -47,7 +47,7 @@ def learn(
     from stagectl.workflows.motion import lay_out, unused
     from stagectl.workflows.trials import Shown, learn_into
 
-    machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
+    machine = machine_of(noted(stage, without).on_channel(channel), simulate, plant)
     compensator = name_of(machine.setup.file.compensation)
     folder = unused(f"learn-{trajectory.stem}")
     commanded = sc.load_trajectory(trajectory).bound(machine.setup)

@@ -142,7 +142,7 @@ def run(
     interpret_first(_UNLOADED)  # a plain motion needs no compiler in memory; the inverse of a whole model does
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
     result = sc.run(
-        _noted(stage).on_channel(channel),
+        noted(stage, without).on_channel(channel),
         sc.load_trajectory(trajectory),
         recording=output,
         without=without or (),
@@ -180,7 +180,7 @@ def simulate(
 
     most = _UNCOMPILED if cold("rollout.closed_loop") else _UNLOADED
     interpret_first(most)
-    designed, motion = _noted(stage), sc.load_trajectory(trajectory)
+    designed, motion = noted(stage, without), sc.load_trajectory(trajectory)
     if most == _UNCOMPILED and motion.duration(designed) > most * designed.period:
         console.print("compiling the kernels, once for this version: up to a minute")
     run = sc.simulate(designed, motion, plant=plant, without=without or (), learned=learned)
@@ -269,11 +269,16 @@ def demo(
     emit(result, json)
 
 
-def _noted(path: Path) -> DesignedStage:
-    """The stage; where its loop would not come to rest, a note says so."""
+def noted(path: Path, without: list[str] | None) -> DesignedStage:
+    """The stage; notes say that its loop would not come to rest, and what `without` names and it does not have."""
     import stagectl as sc
 
     stage = sc.load_stage(path)
     if stage.unrest:
         console.print(f"note: {stage.unrest}")
+    if without:
+        from stagectl.gap.effects.library import absent
+
+        for name in absent(stage.setup.stage, without):
+            console.print(f"note: --without {name} changes nothing: the model in {path} has none")
     return stage

@@ -16,6 +16,7 @@ from stagectl.units import UnitError, factor, unit_in
 _SI = {"FREQUENCY": "Hz", "ANGLE": "rad", "TIME": "s", "CURRENT": "A", "SPEED": "m/s", "ACCELERATION": "m/s^2"}
 _WORDS = {  # of the parser, and ours
     r"No such option: (-[0-9.])\S*": r"\1... is taken for an option: write -- before it, as in `COMMAND -- -10mm`",
+    r"'([^']*)' is not readable\.": r"'\1' is not readable: see `ls -l \1`; `chmod u+r \1` where it is yours",
     r"is not a valid int(eger)?( range)?\.": "must be a whole number",
     r"is not a valid float( range)?\.": "must be a number",
 }

@@ -16,9 +16,11 @@ Source: ODrive Robotics, ASCII Protocol and ODrive API reference, firmware 0.5 a
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import os
 import select
+from pathlib import Path
 from typing import Any
 
 from stagectl.drives.canopen.cia402 import DriveState
@@ -41,6 +43,21 @@ def open_odrive(settings: Odrive, dt: float, clock: Clock = WALL) -> OdriveDrive
         raise
 
 
+def _unopened(port: str, error: Exception) -> str:
+    """Why a port does not open, and what to do; a name that is no path is that of a virtual drive's port."""
+    if "/" not in port and not Path(port).exists():
+        return "no virtual drive has made this port; start one in another terminal: stagectl virtual-drive STAGE.yaml"
+    known = _PORT.get(getattr(error, "errno", None) or 0)
+    return known or f"{error}; see `ls -l {port}`"
+
+
+_PORT = {
+    errno.ENOENT: "there is no such port: connect the drive and switch it on, then see `ls /dev/tty*`",
+    errno.EACCES: "you may not use this port: join the group dialout and log in again",
+    errno.EBUSY: "another program uses this port: end it",
+}
+
+
 class Line:
     """Lines of text over a serial port."""
 
@@ -51,11 +68,7 @@ class Line:
         try:
             self._port: Any = serial.Serial(port, round(baud), timeout=0, write_timeout=0, exclusive=True)
         except (OSError, ValueError) as error:
-            raise DriveError(
-                f"drive.wire.port = {port}: {error}. Probable causes: the drive is not connected, or you may not use"
-                " the port (join the group dialout)",
-                place=port,
-            ) from error
+            raise DriveError(f"drive.wire.port = {port}: {_unopened(port, error)}", place=port) from error
         self._port.reset_input_buffer()
         self._descriptor, self._clock, self._text = self._port.fileno(), clock, b""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
@@ -74,6 +75,9 @@ class Simulator(NamedTuple):
         path = output or Path(f"{name.replace('-', '_') if self.suffix == '.py' else name}{self.suffix}")
         if path.suffix != self.suffix:
             raise StageError(f"{path}: {self.called} ends in {self.suffix}: take -o {path.with_suffix(self.suffix)}")
+        if self.suffix == ".py" and not path.stem.isidentifier():
+            meant = path.with_stem(re.sub(r"\W|^(?=\d)", "_", path.stem))
+            raise StageError(f"{path}: Python cannot import a module of this name: take -o {meant}")
         return path
 
 

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from stagectl.kernels import law
-from stagectl.recording.ring import counts
+from stagectl.recording.ring import counts, shared
 from stagectl.units import StageError
 
 SLOTS, SLOT = 16, 1024  # orders, and bytes of each
@@ -116,9 +116,7 @@ class Board:
     @classmethod
     def create(cls, ahead: int = AHEAD) -> Board:
         """New shared memory for `ahead` rows; its descriptor is inherited by the processes it is handed to."""
-        descriptor = os.memfd_create("stagectl-board")
-        os.ftruncate(descriptor, _ROWS + ahead * _ROW.size)
-        return cls(descriptor)
+        return cls(shared("board", _ROWS + ahead * _ROW.size))
 
     # the service's side
 

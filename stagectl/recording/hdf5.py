@@ -43,6 +43,8 @@ from stagectl.units import StageError
 
 FORMAT, _READ = "stagectl-recording/2", ("stagectl-recording/1", "stagectl-recording/2")
 _HDF5, _HEAD = b"\x89HDF\r\n\x1a\n\x03", struct.Struct("<12s16xQ")  # signature and version 3; the end of the file
+_FOREIGN = "is not an HDF5 file, or it is damaged; `stagectl import` reads other logs"
+_YAML = "is a YAML file, and a recording (.h5) belongs here; `stagectl simulate` makes one"
 _CUT_OFF = "the recorder was cut off: the rows end at its last block"
 
 
@@ -222,11 +224,8 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         try:
             file = h5py.File(path, "r", libver="latest", swmr=True)
         except OSError as error:
-            raise RecordingError(
-                f"{path} is not an HDF5 file, or it is damaged; `stagectl import` reads other logs",
-                path,
-                ProblemKind.SYNTAX,
-            ) from error
+            other = _YAML if path.suffix in (".yaml", ".yml") else _FOREIGN
+            raise RecordingError(f"{path} {other}", path, ProblemKind.SYNTAX) from error
     words, advice = f"{path} is damaged", ": copy it again"
     try:
         with RecordingError.instead_of((OSError,), words, path, ProblemKind.SYNTAX, advice):

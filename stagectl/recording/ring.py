@@ -38,6 +38,18 @@ class RingPlace(NamedTuple):
     capacity: int
 
 
+def shared(name: str, size: int) -> int:
+    """The descriptor of new shared memory of so many bytes, which is a file to the system.  Raises OSError."""
+    descriptor = os.memfd_create(f"stagectl-{name}")
+    try:
+        os.ftruncate(descriptor, size)
+    except OSError as error:
+        os.close(descriptor)
+        error.filename = f"the axis' shared memory ({name}, {size} bytes)"
+        raise
+    return descriptor
+
+
 class Ring:
     """Shared rows of `width` float64; create with `Ring.create`, join with the descriptor."""
 
@@ -52,9 +64,7 @@ class Ring:
     @classmethod
     def create(cls, width: int, capacity: int = 1 << 15) -> Ring:
         """New shared memory; its descriptor is inheritable by the processes it is handed to."""
-        descriptor = os.memfd_create("stagectl-ring")
-        os.ftruncate(descriptor, HEADER + 8 * width * capacity)
-        return cls(descriptor, width, capacity)
+        return cls(shared("ring", HEADER + 8 * width * capacity), width, capacity)
 
     @property
     def place(self) -> RingPlace:

@@ -40,6 +40,8 @@ def chosen(name: str) -> list[str]:
         if layer not in NAMES:
             near = nearest(layer, (OFF, *NAMES))
             hint = f"did you mean {near}?" if near else f"write {OFF}, or some of {', '.join(NAMES)} with +"
+            if "," in layer:
+                hint = f"blanks separate variants: {' '.join(name.replace(',', ' ').split())}"
             raise TrialError(f"{name}: no layer {layer!r}: {hint}")
     if len(set(layers)) < len(layers):
         raise TrialError(f"{name}: a layer stands there twice")

@@ -13,7 +13,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import typer
 
+from stagectl.cli.usage import usage_error
 from stagectl.replacing import PAGE
 from stagectl.web import client
 from tests.cli.conftest import Command
@@ -158,6 +160,38 @@ def test_stale_schema(command: Command) -> None:
 def test_files_in_each_others_place(command: Command) -> None:
     """Both are good; what is wrong is their order."""
     ends(command("simulate", SINE, STAGE), "is a valid trajectory file", "the stage file comes first")
+
+
+def test_layers_and_variants_are_words_of_their_own(command: Command) -> None:
+    ends(command("simulate", STAGE, SINE, "--without", "friction,ptc"), "--without friction --without ptc")
+    ends(command("compare", STAGE, SINE, "off,ptc", "--simulate"), "blanks separate variants: off ptc")
+
+
+def test_a_layer_that_a_stage_does_not_have_is_said_to_change_nothing(command: Command) -> None:
+    code, out, err = command("simulate", STAGE, SINE, "--without", "cogging", "--without", "ptc")
+    assert (code, out) == (0, "")
+    assert [line for line in err.splitlines() if "note" in line] == [
+        f"note: --without cogging changes nothing: the model in {STAGE} has none"
+    ]
+
+
+def test_a_file_that_may_not_be_read() -> None:
+    words = usage_error(typer.BadParameter("Path 'secret.yaml' is not readable."))
+    assert "`ls -l secret.yaml`" in words and "`chmod u+r secret.yaml`" in words
+
+
+def test_no_port_of_a_virtual_drive(command: Command) -> None:
+    odrive = CONFIG / "odrive.yaml"
+    ends(command("run", odrive, SINE), "drive.wire.port = odrive", f"stagectl virtual-drive {odrive}")
+
+
+def test_a_stage_file_in_place_of_a_recording(command: Command) -> None:
+    ends(command("replay", STAGE), "is a YAML file", "a recording (.h5) belongs here")
+
+
+def test_a_python_file_that_python_cannot_import(command: Command) -> None:
+    ends(command("export", STAGE, "--to", "isaac", "-o", "ball-screw.py"), "take -o ball_screw.py")
+    assert not Path("ball-screw.py").exists()
 
 
 def test_port_taken(command: Command, folder: Path) -> None:

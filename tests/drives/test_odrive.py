@@ -198,8 +198,10 @@ def test_a_stage_file_takes_an_odrive(tmp_path: Path) -> None:
 
 
 def test_a_port_that_is_not_there_and_a_name_that_is_taken(tmp_path: Path) -> None:
-    with pytest.raises(DriveError, match="dialout"):
-        open_odrive(settings(str(tmp_path / "nothing")), DT)
+    for port, advice in ((str(tmp_path / "nothing"), "connect the drive"), ("nothing", "stagectl virtual-drive")):
+        with pytest.raises(DriveError, match=advice) as absent:
+            open_odrive(settings(port), DT)
+        assert absent.value.place == port and "Errno" not in str(absent.value)
     (tmp_path / "taken").write_text("")
     with pytest.raises(DriveError, match="port") as caught:
         Pty(VirtualOdrive(settings(), plant()), str(tmp_path / "taken"), 9600.0)

@@ -285,6 +285,14 @@ def test_a_part_of_a_file_runs(tmp_path: Path) -> None:
         load_trajectory(tmp_path / "a.yaml", axis)
 
 
+def test_a_folder_does_not_take_the_place_of_a_file(sine: Recording, tmp_path: Path) -> None:
+    notes = tmp_path / "notes.yaml"
+    notes.write_text("mine\n")
+    with refused(RecordingError, kind=ProblemKind.CONFLICT, file=notes, remedy=f"take -o {tmp_path / 'notes'}"):
+        export([sine], "folder", notes)
+    assert notes.read_text() == "mine\n"
+
+
 def test_what_cannot_be_exported_is_refused(sine: Recording, tmp_path: Path) -> None:
     with refused(RecordingError, kind=ProblemKind.CONFLICT, file=tmp_path / "a.csv"):
         export([sine, sine], "csv", tmp_path / "a.csv")

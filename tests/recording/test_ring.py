@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import resource
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,6 +31,17 @@ def test_rows_come_out_as_they_went_in_even_through_another_mapping() -> None:
     assert not other.closed
     ring.close()
     assert other.closed
+
+
+def test_memory_beyond_the_limit_of_files_is_named() -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1024, limits[1]))
+    try:
+        with pytest.raises(OSError, match="shared memory") as caught:
+            Ring.create(3)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert caught.value.errno == errno.EFBIG
 
 
 def test_a_reader_that_is_too_slow_knows_how_many_rows_it_lost() -> None:

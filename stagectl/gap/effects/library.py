@@ -13,6 +13,7 @@ from stagectl.compensation import model_effects
 from stagectl.gap.effects import drive, friction, mechanics
 from stagectl.gap.effects.effect import Data, Definition, Effect, Scales, definition
 from stagectl.gap.logs.session import GapError
+from stagectl.kernels.fields import get
 from stagectl.kernels.stage import Stage
 from stagectl.problem import nearest
 
@@ -58,6 +59,16 @@ def answered() -> tuple[str, ...]:
 def left_out(p: Stage, names: Iterable[str]) -> Stage:
     """The stage model without these effects."""
     return model_effects.without(p, [place for name in sorted(names) for place in EFFECTS[name].places])
+
+
+def absent(p: Stage, names: Iterable[str]) -> list[str]:
+    """Those of the effects that a controller answers which this model does not have."""
+    return [name for name in names if name in answered() and not _holds(p, name)]
+
+
+def _holds(p: Stage, name: str) -> bool:
+    known = left_out(p, [name])
+    return any(get(p, place) != get(known, place) for place in EFFECTS[name].places)
 
 
 def label(name: str) -> str:
