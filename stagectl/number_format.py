@@ -61,14 +61,24 @@ def duration(value: float) -> str:
     return f"{value / 1e-6:.3g} µs"
 
 
+_NOTHING, _MORE_THAN_ALL = 0.0005, 1.005  # shares from which 0 % and 100 % would be written otherwise
+
+
 def percent(share: float) -> str:
     """``82 %``; below one per cent with a digit, and never ``-0 %``."""
     if not math.isfinite(share):
         return UNKNOWN
     value = 100.0 * share
-    if abs(value) < 0.05:
+    if abs(share) < _NOTHING:
         return "0 %"
     return f"{value:.1f} %" if abs(value) < 1.0 else f"{value:.0f} %"
+
+
+def portion(share: float) -> str:
+    """``82 %`` of a whole; below zero and above one, where parts cancel, in words: ``none``, ``all``."""
+    if share <= -_NOTHING:
+        return "none"
+    return "all" if share >= _MORE_THAN_ALL else percent(share)
 
 
 def prefix(largest: float) -> tuple[str, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from stagectl.gap.result.diagnosis import Value
-from stagectl.number_format import Travel, duration, interval, length, percent, prefix, three_digits, together
+from stagectl.number_format import Travel, duration, interval, length, percent, portion, prefix, three_digits, together
 
 PER_UNIT = 0.012 / (2.0 * math.pi)  # m per rad
 MICRON = 1e-6 / PER_UNIT  # rad
@@ -27,6 +27,7 @@ def test_numbers_share_the_prefix_of_the_largest() -> None:
     assert together((2.94 * MICRON, 0.336 * MICRON, 0.0), "rad", TRAVEL) == (["2.9", "0.34", "0"], "µm")
     assert together((0.0124, 3.1e-4), "A", TRAVEL) == (["12", "0.31"], "mA")
     assert together((math.nan, 1.5), "N", TRAVEL) == (["not known", "1.5"], "N")
+    assert [portion(x) for x in (-0.001, -0.0001, 0.82, 1.004, 1.31)] == ["none", "0 %", "82 %", "100 %", "all"]
     assert [percent(x) for x in (0.824, 0.0041, -0.0001, 1.0)] == ["82 %", "0.4 %", "0 %", "100 %"]
 
 

@@ -10,7 +10,7 @@ from stagectl.cli.show import console
 from stagectl.gap.effects import library
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import NAMED, DiagnosisResult
-from stagectl.number_format import interval, percent
+from stagectl.number_format import interval, percent, portion
 from stagectl.report.tables.gap import gaps
 
 MOST_COORDINATES = 3
@@ -40,7 +40,7 @@ def _effects(diagnosis: DiagnosisResult) -> Table:
             f"{name.replace('_', ' ')} {interval(name, value, diagnosis.travel)}"
             for name, value in effect.parameters.items()
         ]
-        names, share = verdict_text.candidates(effect), percent(effect.share)
+        names, share = verdict_text.candidates(effect), portion(effect.share)
         table.add_row(names, effect.block, share, probability, "\n".join(values))
     return table
 

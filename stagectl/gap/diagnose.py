@@ -212,11 +212,12 @@ def with_shares(effects: Sequence[FoundEffect], shares: dict[str, float]) -> lis
     Parameters have one share together, which they divide in proportion to what each takes of the misfit.
     """
     whole = max(1.0 - shares.get(NOISE, 0.0), 1e-9)
-    total = sum(effect.share for effect in effects if effect.parameter) or 1.0
+    taken = {effect.name: max(effect.share, 0.0) for effect in effects if effect.parameter}
+    total = sum(taken.values()) or 1.0
     parameters = shares.get(PARAMETERS, 0.0) / whole
 
     def share(effect: FoundEffect) -> float:
-        return parameters * effect.share / total if effect.parameter else shares.get(effect.name, 0.0) / whole
+        return parameters * taken[effect.name] / total if effect.parameter else shares.get(effect.name, 0.0) / whole
 
     return [effect._replace(share=share(effect)) for effect in effects]
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from stagectl.gap.effects.library import label
-from stagectl.number_format import length, percent, prefix
+from stagectl.number_format import length, percent, portion, prefix
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import WITH, WITHOUT, drawing, embedded
 from stagectl.report.page import Page, Picture, Table
@@ -26,7 +26,7 @@ def sentence(result: Result) -> str:
         for levels in ("levels", "peaks")
     )
     gave = ", ".join(
-        f"{label(name)} gave {percent(share)}"
+        f"{label(name)} gave {portion(share)}"
         for name, share in sorted(result["shares"].items(), key=lambda item: -item[1])
     )
     return f"Tracking error {rms} rms, {peak} peak, on motions that nothing had seen" + (f"; {gave}" if gave else "")

@@ -51,6 +51,11 @@ def test_shares_are_of_the_closable_gap_and_parameters_divide_theirs() -> None:
     assert diagnose.with_shares([DWELL], {})[0].share == 0.0
 
 
+def test_a_parameter_that_takes_nothing_raises_the_share_of_no_other() -> None:
+    inertia, bias = diagnose.with_shares([INERTIA, BIAS._replace(share=-0.9 * INERTIA.share)], {"parameters": 0.2})
+    assert (inertia.share, bias.share) == pytest.approx((0.2, 0.0))
+
+
 def session(*logs: dict[str, Any]) -> Any:
     plain = {"held_out": False, "command": 1, "current": 1, "position": np.array([0.0, 3e-6])}
     stage = SimpleNamespace(encoder=SimpleNamespace(step=1e-6))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, FoundEffect, Gap
+from stagectl.gap.result.diagnosis import BLOCKS, UNEXPLAINED, VERDICTS, FoundEffect, Gap
 from stagectl.gap.result.result_json import NAME, NotADiagnosisError, as_json, load, restored, save
+from stagectl.report.tables import gap as tables
 from tests.gap.examples import ASYMMETRY, COGGING, SHAPE, every, found, gap
 
 FOUND = every()
@@ -70,6 +72,32 @@ def test_what_undoes_each_other_is_told_as_one() -> None:
         "70 % of the closable gap is viscous asymmetry (share 0.182) together with viscous friction (0.182) "
         "and constant force on the axis (0.182), which partly cancel. "
     )
+
+
+@pytest.mark.parametrize(
+    ("shares", "beginning"),
+    [
+        ((-0.03,), "Missing in the model: viscous asymmetry (share 0.182). "),
+        ((1.31,), "All of the closable gap is viscous asymmetry (share 0.182). "),
+        ((0.97, -0.03), "97 % of the closable gap is viscous asymmetry (share 0.182), none of it Stribeck "),
+        ((1.31, -0.4), "91 % of the closable gap is viscous asymmetry (share 0.182) together with Stribeck "),
+        ((1.31, 0.4), "All of the closable gap is viscous asymmetry (share 0.182) together with Stribeck "),
+        ((-0.4, -0.3), "Missing in the model: viscous asymmetry (share 0.182) together with Stribeck "),
+    ],
+)
+def test_no_share_below_nothing_or_above_all_is_a_per_cent(shares: tuple[float, ...], beginning: str) -> None:
+    names = ("viscous_asymmetry", "stribeck")
+    effects = tuple(ASYMMETRY._replace(name=name, share=share) for name, share in zip(names, shares, strict=False))
+    diagnosis = found("effects", effects=effects)
+    assert diagnosis.sentence.startswith(beginning)
+    printed = [*verdict_text.lines(diagnosis), *(cell for row in tables.effects(diagnosis).rows for cell in row)]
+    figures = [float(figure) for figure in re.findall(r"(\S+) %", " ".join([diagnosis.sentence, *printed]))]
+    assert all(0.0 <= figure <= 100.0 for figure in figures)
+
+
+def test_where_the_model_comes_out_worse_all_of_the_gap_is_unexplained() -> None:
+    grown = found("unknown", effects=(), unknown=SHAPE, shares=((UNEXPLAINED, 1.31), ("parameters", -0.31)))
+    assert "All of the gap repeats and is unexplained" in grown.sentence and "131" not in grown.sentence
 
 
 def test_what_may_be_missing_is_said_where_nothing_is_sure() -> None:

@@ -21,7 +21,7 @@ from stagectl.config.unit_format import hint_at
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import DiagnosisResult, Fields, FoundEffect, Setting
-from stagectl.number_format import percent
+from stagectl.number_format import portion
 
 _SAME = 1e-6  # relative difference up to which two numbers are the same; that of numbers in a stage file
 _ELEMENTS = {"law", "weight", "slip"}
@@ -173,7 +173,7 @@ def _nothing(result: DiagnosisResult, omitted: Sequence[str]) -> str:
 
 
 def _reason(effect: FoundEffect) -> str:
-    share = f"{percent(effect.share)} of the closable gap"
+    share = f"{portion(effect.share)} of the closable gap"
     reason = f"{label(effect.name)}, {share}, probability {effect.probability:.2f}"
     if not effect.alternatives:
         return reason

@@ -8,7 +8,7 @@ import numpy as np
 
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import UNEXPLAINED, DiagnosisResult, FoundEffect, Gap, UnknownTerm
-from stagectl.number_format import percent, three_digits, together
+from stagectl.number_format import percent, portion, three_digits, together
 
 _GAP_LABELS = {"tracking_error": "tracking gap"}  # of gaps that are not labelled by their key
 _NOTHING_CHANGED = ("none", "not-identifiable")  # verdicts under which the model stays as it is
@@ -98,8 +98,8 @@ def _missing(result: DiagnosisResult) -> str:
     parameters = [effect for effect in result.named if effect.parameter]
     effects = [effect for effect in result.named if not effect.parameter] or list(result.effects[:1])
     if parameters and _shrinks(result) and not all(_is_share(effect.share) for effect in (*effects, *parameters)):
-        return _sum(result, [*effects, *parameters])
-    causes = _causes(result, effects, "missing in the model: ")
+        return _sum(result, [*effects, *parameters], _MISSING)
+    causes = _causes(result, effects, _MISSING)
     if not parameters:
         return causes
     return f"{causes}; parameters of the model are off as well: {_causes(result, parameters, whole='')}"
@@ -109,26 +109,44 @@ def _is_share(share: float) -> bool:
     return -_BEYOND <= share <= 1.0 + _BEYOND
 
 
-_OF_WHOLE = " of the closable gap is"
+_MISSING, _OF_WHOLE = "missing in the model: ", " of the closable gap is"
 
 
 def _causes(result: DiagnosisResult, effects: Sequence[FoundEffect], unsized: str = "", whole: str = _OF_WHOLE) -> str:
     """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``; without shares after `unsized`."""
-    first, *rest = sorted(effects, key=lambda effect: -effect.share)[:MOST]
-    if _shrinks(result):
-        causes = [f"{percent(first.share)}{whole} {_with_value(first, result)}"]
-        causes += [f"{percent(effect.share)} {_with_value(effect, result)}" for effect in rest]
-    else:  # a gap that does not shrink has no shares
-        causes = [unsized + _with_value(first, result), *(_with_value(effect, result) for effect in rest)]
+    if not _shrinks(result):  # a gap that does not shrink has no shares
+        causes = [_with_value(effect, result) for effect in _largest(effects)]
+        return f"{unsized}{', '.join(causes)}{_more(effects)}"
+    if len(effects) > 1 and not all(_is_share(effect.share) for effect in effects):
+        return _sum(result, effects, unsized)
+    first, *rest = _largest(effects)
+    causes = [_share(first.share, whole, unsized), *(_share(effect.share) for effect in rest)]
+    named = [f"{share}{_with_value(effect, result)}" for share, effect in zip(causes, (first, *rest), strict=True)]
+    return ", ".join(named) + _more(effects)
+
+
+def _largest(effects: Sequence[FoundEffect]) -> list[FoundEffect]:
+    return sorted(effects, key=lambda effect: -effect.share)[:MOST]
+
+
+def _more(effects: Sequence[FoundEffect]) -> str:
     more = len(effects) - MOST
-    return ", ".join(causes) + (f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else "")
+    return f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else ""
 
 
-def _sum(result: DiagnosisResult, effects: Sequence[FoundEffect]) -> str:
+def _share(share: float, whole: str = "", unsized: str = "none of it ") -> str:
+    """``82 % of the closable gap is``; where there is no share, as what makes the gap grow has none, `unsized`."""
+    size = portion(share)
+    if size == "none":
+        return unsized
+    return f"{size}{whole or ('' if size.endswith('%') else ' of it')} "
+
+
+def _sum(result: DiagnosisResult, effects: Sequence[FoundEffect], unsized: str) -> str:
     """Effects that partly cancel: only the sum of their shares means something."""
     first, *rest = (_with_value(effect, result) for effect in effects)
-    whole = percent(sum(effect.share for effect in effects))
-    return f"{whole}{_OF_WHOLE} {first} together with {_joined(rest, 'and')}, which partly cancel"
+    whole = _share(sum(effect.share for effect in effects), _OF_WHOLE, unsized)
+    return f"{whole}{first} together with {_joined(rest, 'and')}, which partly cancel"
 
 
 def _with_value(effect: FoundEffect, result: DiagnosisResult) -> str:
@@ -152,7 +170,7 @@ def _joined(names: Sequence[str], last: str) -> str:
 def _unknown(result: DiagnosisResult) -> str:
     """How much repeats and is unexplained, and over which coordinate."""
     share, term = dict(result.shares).get(UNEXPLAINED, 0.0), result.unknown
-    text = f"{f'{percent(share)} of' if share > _SMALL else 'a part of'} the gap repeats and is unexplained"
+    text = f"{f'{portion(share)} of' if share > _SMALL else 'a part of'} the gap repeats and is unexplained"
     if term is None:
         return text
     ordered = term.coordinate != "none"
@@ -257,8 +275,7 @@ def lines(result: DiagnosisResult) -> list[str]:
 def idle(result: DiagnosisResult) -> list[str]:
     """Effects that explain forces, while the model with them comes no closer to the held-out runs; a line each."""
     return [
-        f"{_capital(label(effect.name))} explains the forces, but does not improve the model: its share of the gap is "
-        f"{percent(effect.share)}."
+        f"{_capital(label(effect.name))} explains the forces, but does not improve the model: it takes none of the gap."
         for effect in result.named
         if not effect.parameter and effect.fields and effect.share <= 0.0
     ]

@@ -7,7 +7,7 @@ import math
 from stagectl.gap.effects.library import label
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import NAMED, DiagnosisResult, FoundEffect, Gap
-from stagectl.number_format import UNKNOWN, interval, percent, together
+from stagectl.number_format import UNKNOWN, interval, portion, together
 from stagectl.report.page import Table
 
 
@@ -30,7 +30,7 @@ def _effect(effect: FoundEffect) -> list[list[str]]:
     """A row, and one for each effect that fits as well."""
     probability = f"{effect.probability:.2f}" + ("" if effect.probability >= NAMED else ": not named")
     rest = [[f"or {label(name)}", "", "", ""] for name in effect.alternatives]
-    return [[label(effect.name), effect.block, percent(effect.share), probability], *rest]
+    return [[label(effect.name), effect.block, portion(effect.share), probability], *rest]
 
 
 def gaps(result: DiagnosisResult) -> Table:
