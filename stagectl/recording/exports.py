@@ -201,11 +201,6 @@ def write_folder(recordings: list[Recording], path: Path | None) -> Exported:
                 "one nominal.yaml: export them to folders of their own"
             )
             raise RecordingError(reason, other.path, ProblemKind.CONFLICT, column=difference.split(" ")[0])
-    if folder.is_file():
-        problem = Problem(f"{folder} is a file, and a folder of captures goes there", ProblemKind.CONFLICT, file=folder)
-        raise RecordingError(
-            problem._replace(remedy=f"take -o {folder.with_suffix('') if folder.suffix else 'FOLDER'}")
-        )
     captures, notes = [], []
     with RecordingError.instead_of((OSError,), f"{folder} cannot be written", folder, ProblemKind.FILE):
         folder.mkdir(parents=True, exist_ok=True)

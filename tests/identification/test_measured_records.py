@@ -74,7 +74,7 @@ def test_a_joint_has_the_published_friction(joint: int) -> None:
     machine = stage(name=f"joint {joint}", gain=UR_GAINS[joint - 1], **wrong)
     log = record("ur10e_joints", f"ur-20_01_22-joint_{joint}.csv")
     gravity = ["--gravity"] if joint != 1 else []
-    columns = f"time=1,position={joint + 1},current={joint + 13}"
+    columns = f"time=1,position={joint + 1}:rad,current={joint + 13}"
     parameters = identified("least-squares", machine, log, "--columns", columns, *gravity)["parameters"]
     assert parameters["viscous"]["value"] == pytest.approx(viscous, rel=within)
     assert parameters["coulomb"]["value"] == pytest.approx(coulomb, rel=within)
@@ -87,7 +87,7 @@ def test_gravity_is_the_same_by_both_methods() -> None:
     """The load of joint 3 by `simultaneous`, whose intervals are wide at 94 Hz, and by `least-squares`."""
     log = record("ur10e_joints", "ur-20_01_22-joint_3.csv")
     machine = stage(name="joint 3", gain=8.46, inertia=2.0, viscous=7.3, coulomb=6.5, counts=62832, speed=4)
-    options = ("--columns", "time=1,position=4,current=16", "--gravity")
+    options = ("--columns", "time=1,position=4:rad,current=16", "--gravity")
     wide, other = (identified(method, machine, log, *options) for method in ("simultaneous", "least-squares"))
     load = wide["parameters"]["gravity_sine"]
     assert load["value"] == pytest.approx(other["parameters"]["gravity_sine"]["value"], rel=0.01)

@@ -27,6 +27,7 @@ from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
 from stagectl.recording.imports import read
 from stagectl.trajectories import Recorded, phases
+from stagectl.units import StageError
 from stagectl.workflows.motion import prepare
 from stagectl.workflows.simulated_motion import pretend
 from tests.problems import refused
@@ -288,7 +289,7 @@ def test_a_part_of_a_file_runs(tmp_path: Path) -> None:
 def test_a_folder_does_not_take_the_place_of_a_file(sine: Recording, tmp_path: Path) -> None:
     notes = tmp_path / "notes.yaml"
     notes.write_text("mine\n")
-    with refused(RecordingError, kind=ProblemKind.CONFLICT, file=notes, remedy=f"take -o {tmp_path / 'notes'}"):
+    with refused(StageError, kind=ProblemKind.FILE, file=notes):
         export([sine], "folder", notes)
     assert notes.read_text() == "mine\n"
 
