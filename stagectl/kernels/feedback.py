@@ -78,6 +78,13 @@ def discretised(gains: Gains, dt: float) -> Pid:
     return Pid(gains.proportional, 0.5 * gains.integral * dt, derivative, (2.0 - damped) / (2.0 + damped))
 
 
+def scaled(p: Pid, factor: float) -> Pid:
+    """`p` with all its gains times `factor`: the same loop around an inertia that is so many times as large."""
+    return p._replace(
+        proportional=factor * p.proportional, integral=factor * p.integral, derivative=factor * p.derivative
+    )
+
+
 @kernel
 def step(p: Pid, x: State, error: float) -> tuple[Output, State]:
     """One period: the terms for this `error` (rad | m), and the memory for the next."""

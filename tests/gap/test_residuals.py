@@ -14,8 +14,9 @@ from stagectl.gap.residuals import friction_family, least_squares, model_trackin
 from stagectl.gap.residuals.half_strokes import half_strokes, known_from, standstills
 from stagectl.gap.residuals.model_tracking import MeasuredPath as Measured
 from stagectl.gap.residuals.model_tracking import ModelResidual
-from stagectl.gap.residuals.thresholds import ROLL_OFF, TRACKER_BANDWIDTH
-from stagectl.kernels import effects, feedback, stage, tracked_model
+from stagectl.gap.residuals.sensitivities import TrackedModel, model_residual, unit_tracker
+from stagectl.gap.residuals.thresholds import ROLL_OFF
+from stagectl.kernels import effects, stage, tracked_model
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
 
@@ -67,9 +68,23 @@ def test_the_residuals_of_two_changes_add_up() -> None:
     assert np.linalg.norm(together - viscous - inertia) < 0.02 * np.linalg.norm(together)
 
 
-def test_the_tracker_does_not_change_with_the_candidate() -> None:
-    gains = feedback.place_poles(SETUP.stage.mechanics, SETUP.stage.motor.force_constant, TRACKER_BANDWIDTH / SETUP.dt)
-    assert model_tracking.tracker(SETUP.stage, SETUP.dt) == feedback.discretised(gains, SETUP.dt)
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_a_model_is_tracked_whatever_its_inertia(factor: float) -> None:
+    """At 94 Hz, with the gains of the nominal inertia, half of it is unstable; the residual is the missing inertia."""
+    dt = 1.0 / 94.0
+    slippery = SETUP.stage.friction.operators._replace(weight=np.zeros_like(SETUP.stage.friction.operators.weight))
+    p = SETUP.stage._replace(friction=SETUP.stage.friction._replace(operators=slippery))
+    p = p._replace(mechanics=p.mechanics._replace(viscous=0.0))
+    other = p._replace(mechanics=p.mechanics._replace(inertia=factor * p.mechanics.inertia))
+    model = TrackedModel(other, unit_tracker(p, dt))
+    t = dt * np.arange(1000)
+    position = 1.0 - np.cos(2.0 * math.pi * t)
+    rows = np.column_stack([np.zeros_like(t), position, np.zeros_like(t)])
+    middle = slice(200, 800)
+    effort = model_residual(model, Measured(rows, 0.0, dt)).effort[middle]
+    acceleration = 4.0 * math.pi**2 * np.cos(2.0 * math.pi * t)[middle]
+    assert np.corrcoef(effort, acceleration)[0, 1] > 0.9
+    assert np.std(effort) / np.std(acceleration) == pytest.approx(other.mechanics.inertia, rel=0.15)
 
 
 def test_whitened_noise_is_flat() -> None:
@@ -83,6 +98,23 @@ def test_whitened_noise_is_flat() -> None:
     )
     white = whitening.whitened(flat, noise[0], SETUP.dt)[:, 0]
     assert 0.85 < white.var() < 1.15
+
+
+def test_the_density_of_noise_that_grows_with_the_frequency_is_known_down_to_the_lowest_band() -> None:
+    """Second differences of white noise: 2 dt s^2 (2 sin(pi f dt))^4, from 1e-12 at 0.3 Hz to 1."""
+    source, dt = np.random.default_rng(5), 1e-3
+    frequency, power = whitening.density([np.diff(source.standard_normal(20002), 2) for _ in range(6)], dt)
+    expected = 2.0 * dt * (2.0 * np.sin(math.pi * frequency * dt)) ** 4
+    assert frequency[0] < 0.5 and len(frequency) > 25
+    assert np.all(np.abs(np.log(power / expected)[1:]) < math.log(2.0))
+
+
+def test_what_repeats_differ_by_on_the_whole_is_noise_of_the_lowest_band_alone() -> None:
+    dt, offset = 1e-3, 0.3
+    frequency, power = whitening.density([np.full(10000, offset), np.full(10000, -offset)], dt)
+    width = frequency[1] - frequency[0]
+    assert power[0] * 2.0 * width > 0.2 * offset**2
+    assert power[1:].max() < 1e-3 * power[0]
 
 
 def test_bounded_least_squares() -> None:

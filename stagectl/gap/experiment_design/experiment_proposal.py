@@ -35,7 +35,7 @@ from stagectl.gap.experiment_design.prediction_distance import PlannedRun, Repea
 from stagectl.gap.inference import verdict
 from stagectl.gap.logs.log_start import LogStart
 from stagectl.gap.logs.session import Session
-from stagectl.gap.residuals.half_strokes import rests_of
+from stagectl.gap.residuals.half_strokes import kept, standstills
 from stagectl.gap.result.diagnosis import DiagnosisResult, NextExperiment
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
@@ -143,7 +143,7 @@ def planned_run(session: Session, within: OperatingRange, noise: RepeatNoise, ex
     rows = setpoints_for(session, within, experiment)
     start = LogStart(within.start, 0.0 if COLD in experiment.effects else end)
     rollout = Rollout(rows, within.law, start, session.dt)
-    rests = rests_of(rows[:, 0], session.dt)
+    rests = kept(standstills(rows[:, 0], session.dt))
     return PlannedRun(rollout, noise, prediction_distance.measured(session), rests)
 
 

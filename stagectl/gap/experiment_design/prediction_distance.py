@@ -17,7 +17,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import welch
 
 from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.logs.session import Array, Log, Session
@@ -55,21 +54,14 @@ class Prediction(NamedTuple):
 def noise_of(session: Session, floor: float) -> RepeatNoise:
     """The noise of a session from its repeats; without any, `floor` (rad | m rms) and the model's steps stand in."""
     repeated = [logs for logs in by_experiment(session.logs).values() if len(logs) > 1]
-    segment = min([thresholds.NOISE_SEGMENT, *(log.rows for log in session.logs)])
-    frequency: Array = np.arange(segment // 2 + 1, dtype=np.float64) / (segment * session.dt)
-
-    def density(name: str, white: float) -> Array:
-        signals = [deviation for logs in repeated for deviation in _deviations(logs, name)]
-        return _at_least(_density(signals, session.dt, segment), white, session.dt)
-
     step = session.stage.encoder.step / math.sqrt(12.0)
     if not repeated and math.isfinite(floor):
         step = max(step, floor)
     quantum = session.stage.drive.current_quantum / math.sqrt(12.0)
-    current = density(
-        "current" if measured(session) else "command", max(quantum, thresholds.LEAST_NOISE * _rms(session))
-    )
-    return RepeatNoise(frequency, density("position", step), current)
+    instrument = "current" if measured(session) else "command"
+    frequency, position = _density(repeated, "position", step, session.dt)
+    current = _density(repeated, instrument, max(quantum, thresholds.LEAST_NOISE * _rms(session)), session.dt)
+    return RepeatNoise(frequency, position, np.interp(frequency, *current))
 
 
 def measured(session: Session) -> bool:
@@ -84,6 +76,17 @@ def _rms(session: Session) -> float:
     return math.sqrt(max(squares, default=0.0))
 
 
+def _density(repeated: Sequence[Sequence[Log]], name: str, white: float, dt: float) -> tuple[Array, Array]:
+    """Frequencies (f,) Hz and density (f,) of what repeats of a column differ by.
+
+    Nowhere below that of a `white` noise of this standard deviation, and equal to it where nothing was repeated.
+    """
+    signals = [deviation for logs in repeated for deviation in _deviations(logs, name)]
+    frequency, power = whitening.density(signals, dt) if signals else (np.array([0.0, 0.5 / dt]), np.zeros(2))
+    least = max(2.0 * dt * white * white, thresholds.LEAST_DENSITY * float(power.max()), 1e-300)
+    return frequency, np.maximum(power, least)
+
+
 def _deviations(repeats: Sequence[Log], name: str) -> list[Array]:
     """Of each repeat from their mean, as large as a single one's noise."""
     columns = [getattr(log, name) for log in repeats]
@@ -91,23 +94,6 @@ def _deviations(repeats: Sequence[Log], name: str) -> list[Array]:
         return []
     rows = min(len(values) for values in columns)
     return list(whitening.single_noise([values[:rows] for values in columns]))
-
-
-def _density(signals: Sequence[Array], dt: float, segment: int) -> Array:
-    """Mean density (f,) of all `signals`, smoothed over neighbouring lines; zero where there are none."""
-    if not signals:
-        return np.zeros(segment // 2 + 1)
-    total = sum(len(signal) for signal in signals)
-    weighted = [welch(signal, 1.0 / dt, nperseg=segment)[1] * (len(signal) / total) for signal in signals]
-    mean = np.sum(weighted, axis=0)
-    mean[0] = mean[1]  # Welch's method takes the mean away
-    return whitening.smoothed(mean)
-
-
-def _at_least(density: Array, white: float, dt: float) -> Array:
-    """`density`, nowhere below that of a `white` noise of this standard deviation."""
-    least = max(2.0 * dt * white * white, thresholds.LEAST_DENSITY * float(density.max(initial=0.0)), 1e-300)
-    return np.maximum(density, least)
 
 
 def predict(p: PlannedRun, model: stage.Stage, shift: float = 0.0) -> Prediction:

@@ -53,7 +53,6 @@ WIDE_SCAN = 0.8  # of the travel; chosen. A scan covers as much.
 # -- predictions and their distances ---------------------------------------------------------------------------------
 
 SUBSTEPS = 2  # of a control period; chosen. Coarse: what resonates divides its steps further by itself.
-NOISE_SEGMENT = 2048  # samples; chosen. Longest segment of Welch's method.
 LEAST_NOISE = 1e-4  # of the rms of a signal; chosen. A lower noise is not believed.
 LEAST_DENSITY = 1e-6  # of the largest density; chosen. The noise has no deeper gap.
 

@@ -96,11 +96,6 @@ def standstills(position: Array, dt: float) -> list[tuple[int, int]]:
     return [(begin, end) for begin, end in stretches(still) if (end - begin) * dt >= thresholds.SHORTEST_REST]
 
 
-def rests_of(position: Array, dt: float) -> tuple[tuple[int, int], ...]:
-    """The same as spans of kept samples."""
-    return kept(standstills(position, dt))
-
-
 def kept(spans: Sequence[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
     """Spans of rows as spans of kept samples."""
     return tuple((-(-begin // thresholds.KEPT), -(-end // thresholds.KEPT)) for begin, end in spans)

@@ -62,7 +62,7 @@ def mean_path(paths: Sequence[MeasuredPath]) -> MeasuredPath:
 def tracker(nominal: stage.Stage, dt: float) -> feedback.Pid:
     """The controller that keeps a model on the path, designed by pole placement on the nominal mechanics.
 
-    All candidates share one tracker: the estimator must not depend on what it estimates.
+    All candidates share its poles: the estimator must not depend on what it estimates.
     """
     share = max(TRACKER_BANDWIDTH, min(SLOWEST_TRACKER * dt, FASTEST_TRACKER))
     gains = feedback.place_poles(nominal.mechanics, nominal.motor.force_constant, share / dt)

@@ -28,8 +28,17 @@ class TrackedModel(NamedTuple):
     """The stage model that is compared with the logs, and how the columns of a log lie in time."""
 
     stage: Stage
-    tracker: feedback.Pid
+    unit_tracker: feedback.Pid  # for a stage of 1 m/s^2 per A | 1 rad/s^2 per A
     shift: float = 0.0  # s by which the logged current is late against the position
+
+    @property
+    def tracker(self) -> feedback.Pid:
+        """The tracker of this model: with its inertia, all models answer to a missing effort alike.
+
+        Gains of another inertia would filter the effort of each model otherwise, and let one go unstable that is five
+        times as light.
+        """
+        return feedback.scaled(self.unit_tracker, self.stage.mechanics.inertia / self.stage.motor.force_constant)
 
 
 class Direction(NamedTuple):
@@ -44,7 +53,13 @@ class Direction(NamedTuple):
 
 def model_of(session: Session, stage: Stage) -> TrackedModel:
     """`stage` with the tracker of the session's nominal model."""
-    return TrackedModel(stage, model_tracking.tracker(session.stage, session.dt))
+    return TrackedModel(stage, unit_tracker(session.stage, session.dt))
+
+
+def unit_tracker(nominal: Stage, dt: float) -> feedback.Pid:
+    """The tracker of the `nominal` model for a stage that one ampere accelerates by one."""
+    tracker = model_tracking.tracker(nominal, dt)
+    return feedback.scaled(tracker, nominal.motor.force_constant / nominal.mechanics.inertia)
 
 
 def model_residual(p: TrackedModel, path: MeasuredPath, substeps: int = SUBSTEPS, load: float = 0.0) -> ModelResidual:

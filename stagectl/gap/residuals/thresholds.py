@@ -26,8 +26,8 @@ BAND_EDGE = 0.1  # share of the band over which the filter falls to zero at its 
 # axis attenuates it.  Impacts ring there, and no model predicts their instants.  The current has no such roll-off.
 ROLL_OFF = 0.02
 KEPT = 2  # every second sample is kept: the band lies below half of the remaining sampling frequency
-WELCH_SEGMENT = 512  # samples of a segment of Welch's method
-SMOOTHED_LINES = 5  # neighbouring spectral lines that are averaged; odd
+LOWEST_BAND_LINES = 40  # lines of all periodograms in the lowest band, so that each band above it holds ten; chosen
+BANDS_PER_OCTAVE = 3  # of the noise; chosen
 LEAST_DENSITY = 1e-6  # share of the largest noise density: a lower density means missing data, not low noise
 
 # -- half strokes and standstills --------------------------------------------------------------------------------------

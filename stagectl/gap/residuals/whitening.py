@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
-from scipy.signal import welch
+from scipy.signal import periodogram
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import thresholds
@@ -57,18 +57,19 @@ def single_noise(repeats: Sequence[Array]) -> Array:
 
 
 def density(signals: Sequence[Array], dt: float) -> tuple[Array, Array]:
-    """Frequencies (f,) Hz and the mean power spectral density (f,) of `signals`, smoothed over neighbouring lines."""
-    segment = min(thresholds.WELCH_SEGMENT, *(len(signal) for signal in signals))
-    spectra = [welch(signal, 1.0 / dt, nperseg=segment) for signal in signals]
-    samples = sum(len(signal) for signal in signals)
-    total = sum(power * len(signal) for (_, power), signal in zip(spectra, signals, strict=True))
-    return spectra[0][0], smoothed(np.asarray(total / samples))
+    """Frequencies (b,) Hz and the mean power spectral density (b,) of `signals` in bands of a third of an octave.
 
-
-def smoothed(power: Array) -> Array:
-    """`power` (f,) averaged over neighbouring lines."""
-    lines = np.ones(thresholds.SMOOTHED_LINES) / thresholds.SMOOTHED_LINES
-    return np.convolve(np.pad(power, thresholds.SMOOTHED_LINES // 2, mode="edge"), lines, mode="valid")
+    The periodograms of whole signals resolve the lowest band, in which an axis moves and friction differs from one
+    repeat to the next.  No mean is taken away: what repeats differ by on the whole is noise as well.
+    """
+    spectra = [periodogram(signal, 1.0 / dt, window="hann", detrend=False) for signal in signals]
+    lines, power = (np.concatenate(parts) for parts in zip(*spectra, strict=True))
+    positive = np.sort(lines[lines > 0.0])
+    lowest = positive[min(thresholds.LOWEST_BAND_LINES, len(positive)) - 1]
+    band = np.ceil(thresholds.BANDS_PER_OCTAVE * np.log2(np.maximum(lines / lowest, 1.0))).astype(int)
+    count = np.bincount(band)
+    frequency, mean = (np.bincount(band, weights)[count > 0] / count[count > 0] for weights in (lines, power))
+    return frequency, mean
 
 
 def _inverse_root(spectrum: Array) -> Array:

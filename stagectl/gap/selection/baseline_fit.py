@@ -25,6 +25,7 @@ from stagectl.gap.residuals.sensitivities import (
     model_residual,
     residuals_of,
 )
+from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds
 from stagectl.gap.selection.bristle_members import Family, is_member, members, with_best
@@ -135,19 +136,18 @@ def noise_of(model: TrackedModel, runs: Sequence[Run], dt: float) -> Whitener:
     neighbouring samples are: through the model it is what two repeats would differ by.
     """
     repeated = [run for run in runs if len(run.paths) > 1]
-    groups = [list(run.paths) for run in repeated] or [_pretended_repeats(run, model) for run in runs]
-    residuals = in_parallel(lambda paths: [model_residual(model, path) for path in paths], groups)
-    noise = list(itertools.chain.from_iterable(map(_deviations, residuals)))
-    return whitener(noise, _least_noise(runs, model), dt)
+    groups = [(run, run.paths) for run in repeated] or [(run, _pretended_repeats(run, model)) for run in runs]
+    noise = in_parallel(lambda group: _deviations(model, *group), groups)
+    return whitener(list(itertools.chain.from_iterable(noise)), _least_noise(runs, model), dt)
 
 
-def _pretended_repeats(run: Run, model: TrackedModel) -> list[MeasuredPath]:
+def _pretended_repeats(run: Run, model: TrackedModel) -> tuple[MeasuredPath, ...]:
     """The path of a run that was not repeated, and the same with as much noise again as each of its columns shows."""
     rows = run.mean.rows
     sizes = np.array([_roughness(column) for column in rows.T])
     sizes[1] = max(sizes[1], model.stage.encoder.step / np.sqrt(12.0))  # of rounding to whole steps
     noise = np.random.default_rng(thresholds.NOISE_SEED).standard_normal(rows.shape) * sizes
-    return [run.mean, run.mean._replace(rows=rows + np.sqrt(2.0) * noise)]
+    return (run.mean, run.mean._replace(rows=rows + np.sqrt(2.0) * noise))
 
 
 def is_measured(runs: Sequence[Run]) -> bool:
@@ -161,8 +161,15 @@ def _least_noise(runs: Sequence[Run], model: TrackedModel) -> tuple[float, float
     return rms * model.stage.motor.force_constant, rms if is_measured(runs) else 0.0
 
 
-def _deviations(repeats: Sequence[ModelResidual]) -> list[ModelResidual]:
-    effort, current = (single_noise(signals) for signals in zip(*repeats, strict=True))
+def _deviations(model: TrackedModel, run: Run, paths: Sequence[MeasuredPath]) -> list[ModelResidual]:
+    """What the repeats `paths` differ by, as noise of a single one, from the first row that counts to the last.
+
+    Before that they differ by how well the start of each is known.
+    """
+    counted = np.flatnonzero(run.weight)
+    rows = slice(KEPT * counted[0], KEPT * counted[-1] + 1) if len(counted) else slice(None)
+    repeats = [model_residual(model, path) for path in paths]
+    effort, current = (single_noise([signal[rows] for signal in signals]) for signals in zip(*repeats, strict=True))
     return [ModelResidual(*pair) for pair in zip(effort, current, strict=True)]
 
 
@@ -184,44 +191,39 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     known = gram_matrices.products(runs, all_columns(model, runs, [*free, *bristles], noise), START)
     at_nominal = gram_matrices.fold_sums(known, before)
     prior = priors.believed(at_nominal, own, priors.prior_of(model, runs, session.dt))
-    residuals, family = before, Family(known, tuple(bristles))
+    state, family = _State(model, before), Family(known, tuple(bristles))
     for _ in range(thresholds.BASELINE_STEPS):
         if family.chosen is None:
-            family = with_best(family, residuals, own)
-        g, names = gram_matrices.fold_sums(family.products, residuals), [*own, *family.names]
-        after = _stepped(prior, runs, model, (g, residuals, noise), (names, family.chosen))
-        if after is None:
+            family = with_best(family, state.residuals, own)
+        after = _stepped(prior, runs, noise, state, family, own)
+        if after is state:
             break
-        model, residuals = after
+        state = after
     moving_all = (*free, *family.bristles)
-    return BaselineFit(model, noise, moving_all, family.products, before, residuals, prior, family.chosen)
+    return BaselineFit(state.model, noise, moving_all, family.products, before, state.residuals, prior, family.chosen)
 
 
-_Data = tuple[gram_matrices.Grams, list[list[Array]], Whitener]
+class _State(NamedTuple):
+    model: TrackedModel
+    residuals: list[list[Array]]
 
 
 def _stepped(
-    prior: Prior,
-    runs: Sequence[Run],
-    model: TrackedModel,
-    data: _Data,
-    moving: tuple[list[str], Direction | None],
-) -> tuple[TrackedModel, list[list[Array]]] | None:
-    """One Gauss-Newton step, or the share of it that brings `model` closer to the data; None where none does."""
-    (g, residuals, noise), (names, chosen) = data, moving
+    prior: Prior, runs: Sequence[Run], noise: Whitener, now: _State, family: Family, own: Sequence[str]
+) -> _State:
+    """One Gauss-Newton step, or the share of it that brings the model closer to the data; `now` where none does."""
+    g, names = gram_matrices.fold_sums(family.products, now.residuals), [*own, *family.names]
     weight = priors.temper(g, names, prior)
-    step = priors.bounded_step(g, names, prior.limits(model, names), prior.informed(model, names), weight)
+    limits, informed = prior.limits(now.model, names), prior.informed(now.model, names)
 
-    def cost(model: TrackedModel, residuals: list[list[Array]]) -> float:
-        return weight * sum_of_squares(runs, residuals) + prior.cost(model, names)
+    def moved_by(move: Mapping[str, float]) -> _State:
+        model = moved(now.model, move, family.chosen, prior.dt)
+        return _State(model, residuals_of(model, runs, noise))
 
-    now = cost(model, residuals)
-    for share in thresholds.STEP_SHARES:
-        after = moved(model, {name: share * value for name, value in step.items()}, chosen, prior.dt)
-        left = residuals_of(after, runs, noise)
-        if cost(after, left) < now:
-            return after, left
-    return None
+    def cost(state: _State) -> float:
+        return weight * sum_of_squares(runs, state.residuals) + prior.cost(state.model, names)
+
+    return priors.shortened(priors.bounded_step(g, names, limits, informed, weight), moved_by, cost, now)
 
 
 def sum_of_squares(runs: Sequence[Run], residuals: list[list[Array]]) -> float:

@@ -26,16 +26,20 @@ _MOST = math.log(thresholds.SHAPE_FACTOR)
 def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: Sequence[str] = ()) -> BaselineFit:
     """`baseline_fit.refit`, and where it has chosen a bristle, that in its best shape."""
     fit = baseline_fit.refit(session, runs, nominal, frozen)
-    member = fit.bristle
-    if member is None or not fit.model.stage.friction.bristle.coulomb:
-        return fit
+    return fit if fit.bristle is None else _shaped(fit, runs, fit.bristle)
+
+
+def _shaped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> BaselineFit:
+    """`fit` with its bristle in the best shape; the same where no bristle is left in the model."""
     for _ in range(thresholds.SHAPE_STEPS):
+        if not fit.model.stage.friction.bristle.coulomb:
+            return fit
         after = _stepped(fit, runs, member)
         gain = _left(runs, fit) - _left(runs, after)
         fit = after
         if gain < thresholds.SHAPE_SETTLED * _left(runs, fit):
             break
-    return _with_columns(fit, runs, member)
+    return _with_columns(fit, runs, member) if fit.model.stage.friction.bristle.coulomb else fit
 
 
 def _left(runs: Sequence[Run], fit: BaselineFit) -> float:
@@ -55,13 +59,11 @@ def _stepped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> Baseli
     def cost(fit: BaselineFit) -> float:
         return weight * _left(runs, fit) + fit.prior.cost(fit.model, names)
 
-    for share in thresholds.STEP_SHARES:
-        move = {name: share * value for name, value in step.items()}
+    def after(move: Mapping[str, float]) -> BaselineFit:
         model = _bent(baseline_fit.moved(fit.model, move, member, fit.prior.dt), move)
-        after = fit._replace(model=model, after=residuals_of(model, runs, fit.noise))
-        if cost(after) < cost(fit):
-            return after
-    return fit
+        return fit._replace(model=model, after=residuals_of(model, runs, fit.noise))
+
+    return priors.shortened(step, after, cost, fit)
 
 
 def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:

@@ -10,8 +10,8 @@ count by their number of half strokes, not of samples, as what a model leaves is
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from stagectl.gap.selection import constants, evidence, thresholds
 from stagectl.gap.selection.evidence import Conditioned, conditioned
 from stagectl.kernels import stage
 
+_Model = TypeVar("_Model")
 WEIGHT, MEMBER = "weight_", "bristle_"
 RELATIVE = ("bristle_size", "bristle_length")  # a step of these is a share of the nominal bristle
 
@@ -162,3 +163,15 @@ def bounded_step(
             summed[place, -1] -= precision * moved
     step = least_squares.bounded(summed, g.places(names), *bounds.T)
     return dict(zip(names, step.tolist(), strict=True))
+
+
+def shortened(
+    step: Mapping[str, float], moved: Callable[[dict[str, float]], _Model], cost: Callable[[_Model], float], now: _Model
+) -> _Model:
+    """`moved` by the whole `step` or by the first share of it that costs less than `now`; `now` where none does."""
+    before = cost(now)
+    for share in thresholds.STEP_SHARES:
+        after = moved({name: share * value for name, value in step.items()})
+        if cost(after) < before:
+            return after
+    return now

@@ -129,13 +129,11 @@ def _step(e: Evidence, now: Fitted) -> Fitted:
     limits = np.concatenate([prior.limits(now.model, nuisance), np.array(_limits(now)).reshape(-1, 2)])
     informed = {**prior.informed(now.model, nuisance), **_informed(now)}
     step = priors.bounded_step(g, names, limits, informed, priors.temper(g, names, prior))
-    for share in thresholds.STEP_SHARES:
-        move = {name: share * value for name, value in step.items()}
-        effects = tuple(_shifted(valued, move) for valued in now.effects)
-        after = _fitted(e, moved(e, now.model, move), effects)
-        if after.residual_sum_of_squares < now.residual_sum_of_squares:
-            return after
-    return now
+
+    def after(move: Mapping[str, float]) -> Fitted:
+        return _fitted(e, moved(e, now.model, move), tuple(_shifted(valued, move) for valued in now.effects))
+
+    return priors.shortened(step, after, lambda fitted: fitted.residual_sum_of_squares, now)
 
 
 def nuisances(e: Evidence) -> list[str]:

@@ -25,7 +25,7 @@ from stagectl.gap.experiment_design.experiment import made
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.log_start import LogStart
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.residuals.half_strokes import rests_of
+from stagectl.gap.residuals.half_strokes import kept, standstills
 from stagectl.gap.result.diagnosis import NextExperiment
 from stagectl.gap.validation.rollouts import Rollout
 from stagectl.kernels.stage import Stage
@@ -86,7 +86,7 @@ def distance(session: Session, models: dict[str, Stage]) -> float:
             Rollout(log.setpoints, p.law, LogStart(0.0, 0.0), session.dt),
             noise,
             True,
-            rests_of(log.setpoints[:, 0], session.dt),
+            kept(standstills(log.setpoints[:, 0], session.dt)),
         )
         for log in session.logs[::2]  # one repeat of each
         if log.setpoints is not None
@@ -243,7 +243,7 @@ def test_noise_of_the_repeats_and_without_them(session: Session) -> None:
     high = noise.frequency > 700.0
     assert np.median(noise.position[high]) == pytest.approx(2.0 * session.dt * sigma * sigma, rel=0.3)
     single = session._replace(logs=session.logs[:1])
-    assert prediction_distance.noise_of(single, 1e-5).position[7] == pytest.approx(2.0 * session.dt * 1e-10, rel=1e-9)
+    assert prediction_distance.noise_of(single, 1e-5).position[-1] == pytest.approx(2.0 * session.dt * 1e-10, rel=1e-9)
 
 
 def test_whitened_white_noise_has_a_variance_of_one(session: Session) -> None:

@@ -9,16 +9,23 @@ import numpy as np
 import pytest
 
 from stagectl.gap.experiment_design import prediction_distance
-from stagectl.gap.residuals.half_strokes import rests_of
+from stagectl.gap.residuals.half_strokes import kept, standstills
 
 DT = 1e-3
 
 
 def test_no_density_is_below_its_floor() -> None:
     """White noise of a standard deviation s has 2 dt s^2; gaps deeper than a millionth of the largest are filled."""
-    density = np.array([0.0, 1.0, 5e-7])
-    assert prediction_distance._at_least(density, 0.0, DT) == pytest.approx([1e-6, 1.0, 1e-6])
-    assert prediction_distance._at_least(density, 100.0, DT) == pytest.approx([20.0, 20.0, 20.0])
+    sine = np.sin(2.0 * np.pi * 100.0 * DT * np.arange(4000))
+    repeats: Any = [[SimpleNamespace(position=sine), SimpleNamespace(position=-sine)]]
+    power = prediction_distance._density(repeats, "position", 0.0, DT)[1]
+    assert power.min() == pytest.approx(1e-6 * power.max())
+    assert prediction_distance._density(repeats, "position", 100.0, DT)[1].min() == pytest.approx(20.0)
+
+
+def test_what_was_not_repeated_has_the_floor_alone() -> None:
+    frequency, power = prediction_distance._density([], "position", 100.0, DT)
+    assert frequency.tolist() == [0.0, 500.0] and power == pytest.approx([20.0, 20.0])
 
 
 def test_deviations_have_the_variance_of_a_single_repeat() -> None:
@@ -27,10 +34,6 @@ def test_deviations_have_the_variance_of_a_single_repeat() -> None:
     assert np.mean(np.square(deviations)) == pytest.approx(1.0)
     logs[0].position = None
     assert prediction_distance._deviations(logs, "position") == []
-
-
-def test_without_signals_there_is_no_density() -> None:
-    assert not prediction_distance._density([], DT, 64).any()
 
 
 @pytest.mark.parametrize("measured", [True, False])
@@ -45,5 +48,5 @@ def test_a_current_that_is_logged_late_lacks_its_slope(measured: bool) -> None:
 
 def test_rests_are_counted_in_kept_samples() -> None:
     reference = np.concatenate([np.linspace(0.0, 1.0, 400), np.ones(600)])
-    ((begin, end),) = rests_of(reference, DT)
+    ((begin, end),) = kept(standstills(reference, DT))
     assert begin == pytest.approx(200, abs=2) and 490 <= end <= 500
