@@ -14,11 +14,11 @@ from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect
 from tests.gap import measured
 
 
-def answer(session: Session) -> DiagnosisResult:
+def answer(session: Session, excluded: tuple[str, ...] = ()) -> DiagnosisResult:
     """The diagnosis, checked for what no answer may say."""
     check_units(session)
     assert inertia_doubt(session) == ""
-    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    result = diagnose.diagnose(session, diagnose.Options(excluded, advice=False), lambda _: None).result
     largest = (
         max(float(abs(log.current).max()) for log in session.logs if log.current is not None)
         if any(log.current is not None for log in session.logs)
@@ -65,8 +65,11 @@ def test_emps_has_no_delay_of_a_period_and_an_asymmetry() -> None:
 def test_a_joint_has_the_published_friction(
     tmp_path: Path, joint: int, inertia: float, viscous: float, coulomb: float
 ) -> None:
-    """Within 20 % of the values published with the record; gravity where the joint's axis is not vertical."""
-    result = answer(measured.ur10e(tmp_path, joint, inertia))
+    """Within 20 % of the values published with the record; gravity where the joint's axis is not vertical.
+
+    Their friction is the same everywhere: along the turn, as joint 1 has it, its viscous part is 26 +- 15 N m s/rad.
+    """
+    result = answer(measured.ur10e(tmp_path, joint, inertia), ("lead_friction", "position_friction"))
     assert named(result, "viscous").parameters["viscous"].value == pytest.approx(viscous, rel=0.2)
     assert named(result, "coulomb").parameters["coulomb"].value == pytest.approx(coulomb, rel=0.21)
     assert ("gravity" in {effect.name for effect in result.named}) == (joint in (2, 3, 4))

@@ -109,6 +109,14 @@ def test_the_density_of_noise_that_grows_with_the_frequency_is_known_down_to_the
     assert np.all(np.abs(np.log(power / expected)[1:]) < math.log(2.0))
 
 
+def test_what_drifts_over_the_session_is_no_noise() -> None:
+    repeats = [np.full(50, 3.0 * t) for t in (0.0, 10.0, 30.0)]
+    assert np.abs(whitening.single_noise(repeats, (0.0, 10.0, 30.0))).max() < 1e-9
+    assert np.abs(whitening.single_noise(repeats[:2], (0.0, 10.0))).max() == pytest.approx(15.0 * math.sqrt(2.0))
+    of_one_instant = whitening.single_noise(repeats, (5.0, 5.0, 5.0))
+    assert np.mean(of_one_instant**2) == pytest.approx(np.var([0.0, 30.0, 90.0], ddof=1))
+
+
 def test_what_repeats_differ_by_on_the_whole_is_noise_of_the_lowest_band_alone() -> None:
     dt, offset = 1e-3, 0.3
     frequency, power = whitening.density([np.full(10000, offset), np.full(10000, -offset)], dt)

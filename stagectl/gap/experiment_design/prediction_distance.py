@@ -93,7 +93,7 @@ def _deviations(repeats: Sequence[Log], name: str) -> list[Array]:
     if any(values is None for values in columns):
         return []
     rows = min(len(values) for values in columns)
-    return list(whitening.single_noise([values[:rows] for values in columns]))
+    return list(whitening.single_noise([values[:rows] for values in columns], [log.start for log in repeats]))
 
 
 def predict(p: PlannedRun, model: stage.Stage, shift: float = 0.0) -> Prediction:

@@ -49,10 +49,15 @@ def whitener(noise: Sequence[ModelResidual], least: tuple[float, float], dt: flo
     )
 
 
-def single_noise(repeats: Sequence[Array]) -> Array:
-    """(r, n) deviations of repeats from their mean, scaled to the noise of a single one."""
-    signals = np.stack(repeats)
-    scaled: Array = np.sqrt(len(signals) / (len(signals) - 1)) * (signals - signals.mean(axis=0))
+def single_noise(repeats: Sequence[Array], clock: Sequence[float]) -> Array:
+    """(r, n) deviations of repeats from their mean, scaled to the noise of a single one.
+
+    Of three repeats or more, from a straight line over the session `clock` (r,) s: what drifts is no noise.
+    """
+    signals, drifts = np.stack(repeats), len(repeats) > 2 and np.ptp(clock) > 0.0
+    trend, _ = np.linalg.qr(np.vander(np.asarray(clock) - np.mean(clock), 2 if drifts else 1))
+    left = signals - trend @ (trend.T @ signals)
+    scaled: Array = np.sqrt(len(signals) / (len(signals) - trend.shape[1])) * left
     return scaled
 
 

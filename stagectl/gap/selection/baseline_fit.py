@@ -169,7 +169,8 @@ def _deviations(model: TrackedModel, run: Run, paths: Sequence[MeasuredPath]) ->
     counted = np.flatnonzero(run.weight)
     rows = slice(KEPT * counted[0], KEPT * counted[-1] + 1) if len(counted) else slice(None)
     repeats = [model_residual(model, path) for path in paths]
-    effort, current = (single_noise([signal[rows] for signal in signals]) for signals in zip(*repeats, strict=True))
+    clock = [path.start for path in paths]
+    effort, current = (single_noise([one[rows] for one in signals], clock) for signals in zip(*repeats, strict=True))
     return [ModelResidual(*pair) for pair in zip(effort, current, strict=True)]
 
 

@@ -17,7 +17,7 @@ DT = 1e-3
 def test_no_density_is_below_its_floor() -> None:
     """White noise of a standard deviation s has 2 dt s^2; gaps deeper than a millionth of the largest are filled."""
     sine = np.sin(2.0 * np.pi * 100.0 * DT * np.arange(4000))
-    repeats: Any = [[SimpleNamespace(position=sine), SimpleNamespace(position=-sine)]]
+    repeats: Any = [[SimpleNamespace(position=x, start=0.0) for x in (sine, -sine)]]
     power = prediction_distance._density(repeats, "position", 0.0, DT)[1]
     assert power.min() == pytest.approx(1e-6 * power.max())
     assert prediction_distance._density(repeats, "position", 100.0, DT)[1].min() == pytest.approx(20.0)
@@ -29,9 +29,9 @@ def test_what_was_not_repeated_has_the_floor_alone() -> None:
 
 
 def test_deviations_have_the_variance_of_a_single_repeat() -> None:
-    logs: Any = [SimpleNamespace(position=np.full(5, x)) for x in (-1.0, 0.0, 1.0)]
+    logs: Any = [SimpleNamespace(position=np.full(5, x), start=t) for t, x in enumerate((1.0, -2.0, 1.0))]
     deviations = prediction_distance._deviations(logs, "position")
-    assert np.mean(np.square(deviations)) == pytest.approx(1.0)
+    assert np.mean(np.square(deviations)) == pytest.approx(6.0)  # one degree of freedom is left
     logs[0].position = None
     assert prediction_distance._deviations(logs, "position") == []
 
