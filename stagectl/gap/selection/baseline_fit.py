@@ -224,7 +224,8 @@ def _stepped(
     def cost(state: _State) -> float:
         return weight * sum_of_squares(runs, state.residuals) + prior.cost(state.model, names)
 
-    return priors.shortened(priors.bounded_step(g, names, limits, informed, weight), moved_by, cost, now)
+    step = priors.bounded_step(g, names, limits, informed, weight).move
+    return priors.shortened(step, moved_by, cost, now)
 
 
 def sum_of_squares(runs: Sequence[Run], residuals: list[list[Array]]) -> float:

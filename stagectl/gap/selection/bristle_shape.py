@@ -34,36 +34,31 @@ def _shaped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> Baselin
     for _ in range(thresholds.SHAPE_STEPS):
         if not fit.model.stage.friction.bristle.coulomb:
             return fit
-        after = _stepped(fit, runs, member)
-        gain = _left(runs, fit) - _left(runs, after)
-        fit = after
-        if gain < thresholds.SHAPE_SETTLED * _left(runs, fit):
+        fit, gain = _stepped(fit, runs, member)
+        if gain < thresholds.SETTLED:
             break
     return _with_columns(fit, runs, member) if fit.model.stage.friction.bristle.coulomb else fit
 
 
-def _left(runs: Sequence[Run], fit: BaselineFit) -> float:
-    return baseline_fit.sum_of_squares(runs, fit.after)
-
-
-def _stepped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> BaselineFit:
-    """One Gauss-Newton step, or the share of it that brings the model closer to the data; else the same fit."""
+def _stepped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> tuple[BaselineFit, float]:
+    """One Gauss-Newton step, or the share of it that lowers the cost, and by how much; else the same fit."""
     free = [one for one in fit.directions if not bristle_members.is_member(one.name)]
     names = [*baseline_fit.parameter_names(free), member.name]
     columns = all_columns(fit.model, runs, [*free, *_of_bristle(fit, member)], fit.noise)
     g = gram_matrices.fold_sums(gram_matrices.products(runs, columns, baseline_fit.START), fit.after)
     weight = priors.temper(g, names, fit.prior)
     limits = np.concatenate([fit.prior.limits(fit.model, names), np.tile([-_MOST, _MOST], (len(SHAPES), 1))])
-    step = priors.bounded_step(g, [*names, *SHAPES], limits, fit.prior.informed(fit.model, names), weight)
+    step = priors.bounded_step(g, [*names, *SHAPES], limits, fit.prior.informed(fit.model, names), weight).move
 
     def cost(fit: BaselineFit) -> float:
-        return weight * _left(runs, fit) + fit.prior.cost(fit.model, names)
+        return weight * baseline_fit.sum_of_squares(runs, fit.after) + fit.prior.cost(fit.model, names)
 
     def after(move: Mapping[str, float]) -> BaselineFit:
         model = _bent(baseline_fit.moved(fit.model, move, member, fit.prior.dt), move)
         return fit._replace(model=model, after=residuals_of(model, runs, fit.noise))
 
-    return priors.shortened(step, after, cost, fit)
+    best = priors.shortened(step, after, cost, fit)
+    return best, cost(fit) - cost(best)
 
 
 def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:

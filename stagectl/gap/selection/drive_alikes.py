@@ -16,7 +16,7 @@ from stagectl.gap.selection.candidates import EffectValues, Form
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.material import stands
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.thresholds import SETTLED
+from stagectl.gap.selection.thresholds import AS_CLOSE
 
 
 def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
@@ -46,7 +46,7 @@ def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
     others = [form for form in library.forms if form.effect.name in {*constants.SCALING} - {scale.effect.name}]
     sides = [EffectValues(form.effect, form.values(_opposed(scale, form))) for form in others]
     tried = [refine.refine(e, e.base.model, [*rest, side]) for side in sides]
-    most = now.residual_sum_of_squares * (1.0 + SETTLED)
+    most = now.residual_sum_of_squares * (1.0 + AS_CLOSE)
     return [fitted for fitted in tried if fitted.residual_sum_of_squares <= most]
 
 

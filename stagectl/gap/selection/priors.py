@@ -147,22 +147,31 @@ def temper(g: Grams, names: Sequence[str], prior: Prior) -> float:
     return 1.0 / (1.0 + max(left, 0.0) / prior.strokes)
 
 
+class Step(NamedTuple):
+    """A Gauss-Newton step."""
+
+    move: dict[str, float]
+    promised: float  # by how much it lowers the cost if the model is linear
+
+
 def bounded_step(
     g: Grams, names: Sequence[str], bounds: Array, informed: Mapping[str, tuple[float, float]], weight: float
-) -> dict[str, float]:
+) -> Step:
     """The step of the columns `names` within `bounds` (k, 2); `informed` has (moved, width) of those with a prior.
 
     `weight` is that of the data.
     """
     summed = g.both.sum(axis=0)
-    for name, place in zip(names, g.places(names), strict=True):
+    places = g.places(names)
+    for name, place in zip(names, places, strict=True):
         if name in informed:
             moved, width = informed[name]
             precision = 1.0 / (weight * width * width)
             summed[place, place] += precision
             summed[place, -1] -= precision * moved
-    step = least_squares.bounded(summed, g.places(names), *bounds.T)
-    return dict(zip(names, step.tolist(), strict=True))
+    step = least_squares.bounded(summed, places, *bounds.T)
+    left = least_squares.residual_sum_of_squares(summed, places, step)
+    return Step(dict(zip(names, step.tolist(), strict=True)), weight * float(summed[-1, -1] - left))
 
 
 def shortened(

@@ -88,20 +88,22 @@ def refine(
     now = _fitted(e, model, tuple(effects))
     if not np.isfinite(now.residual_sum_of_squares):  # it diverged: there is no step to take
         return now
-    if any(valued.effect.nonlinear for valued in effects):
-        e = e._replace(base=e.base._replace(products=_base_products(e, now)))
+    around = any(valued.effect.nonlinear for valued in effects)  # whether the base's columns are those with the effects
+    e = _around(e, now) if around else e
     for _ in range(steps):
-        after = _step(e, now)
-        if after.residual_sum_of_squares > now.residual_sum_of_squares * (1.0 - thresholds.SETTLED):
-            return after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
-        now = after
+        now, gain, promised = _step(e, now)
+        if gain >= thresholds.SETTLED:
+            continue
+        if around or promised < thresholds.BROKEN_PROMISE:
+            break
+        around, e = True, _around(e, now)
     return now
 
 
 def first_step(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
     """One step from these values, the base's columns taken without the effects: enough to tell initial values apart."""
     now = _fitted(e, model, tuple(effects))
-    return _step(e, now) if np.isfinite(now.residual_sum_of_squares) else now
+    return _step(e, now).after if np.isfinite(now.residual_sum_of_squares) else now
 
 
 def _fitted(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...]) -> Fitted:
@@ -109,8 +111,8 @@ def _fitted(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...])
     return Fitted(model, effects, left, total(e, left))
 
 
-def _base_products(e: Evidence, now: Fitted) -> gram_matrices.Products:
-    """The base's columns with the effects in the model: across a gap, friction acts differently."""
+def _around(e: Evidence, now: Fitted) -> Evidence:
+    """`e` with the base's columns while the effects are in the model: across a gap, friction acts differently."""
 
     def with_effects(p: Direction) -> Direction:
         return p._replace(change=lambda _: equipped(p.change(now.model), now.effects))
@@ -118,22 +120,34 @@ def _base_products(e: Evidence, now: Fitted) -> gram_matrices.Products:
     own = [p for p in e.base.directions if not bristle_members.is_member(p.name)]
     moving = [with_effects(p) for p in (*own, *_bristle(e))]
     columns = sensitivities.all_columns(now.equipped, e.runs, moving, e.base.noise)
-    return gram_matrices.products(e.runs, columns, baseline_fit.START)
+    return e._replace(base=e.base._replace(products=gram_matrices.products(e.runs, columns, baseline_fit.START)))
 
 
-def _step(e: Evidence, now: Fitted) -> Fitted:
-    """One Gauss-Newton step, or the share of it that improves the fit; `now` where none does."""
+class _Step(NamedTuple):
+    after: Fitted
+    gain: float  # by which the cost is lower
+    promised: float  # the same if all columns are right
+
+
+def _step(e: Evidence, now: Fitted) -> _Step:
+    """One Gauss-Newton step, or the share of it that lowers the cost; `now` where none does."""
     own, nuisance = parameters(now), nuisances(e)
     g = gram_matrices.fold_sums(tangent(e, now, own), now.residuals)
     names, prior = [*nuisance, *(p.name for p in own)], e.base.prior
     limits = np.concatenate([prior.limits(now.model, nuisance), np.array(_limits(now)).reshape(-1, 2)])
     informed = {**prior.informed(now.model, nuisance), **_informed(now)}
-    step = priors.bounded_step(g, names, limits, informed, priors.temper(g, names, prior))
+    weight = priors.temper(g, names, prior)
+    step = priors.bounded_step(g, names, limits, informed, weight)
 
     def after(move: Mapping[str, float]) -> Fitted:
         return _fitted(e, moved(e, now.model, move), tuple(_shifted(valued, move) for valued in now.effects))
 
-    return priors.shortened(step, after, lambda fitted: fitted.residual_sum_of_squares, now)
+    def cost(f: Fitted) -> float:
+        sizes = sum((value / width) ** 2 for value, width in _informed(f).values())
+        return weight * f.residual_sum_of_squares + prior.cost(f.model, nuisance) + sizes
+
+    best = priors.shortened(step.move, after, cost, now)
+    return _Step(best, cost(now) - cost(best), step.promised)
 
 
 def nuisances(e: Evidence) -> list[str]:

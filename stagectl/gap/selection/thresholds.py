@@ -21,7 +21,6 @@ SHIFTS_TRIED = (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0)  # of it, f
 LAGS_TRIED = (0.2, 0.4, 0.8)  # of it, further lag of the current loop, whose staircase is rounded and not late; chosen
 BRISTLE_CHANGE, LENGTH_CHANGE = 0.1, 0.2  # of the size and the length of the nominal bristle
 SHAPE_STEPS = 8  # Gauss-Newton steps of the whole base with its bristle's shape, at most; chosen
-SHAPE_SETTLED = 1e-4  # share of the sum of squares: a step that gains less is the last one; chosen
 SHAPE_SENSITIVITY = 0.1  # of the logarithm of range and exponent, for their sensitivities
 EXPONENTS = (0.2, 4.0)  # of a bristle: those that a stage file takes
 MEMBER_CHANGE = 0.1  # of the Coulomb friction, for a bristle next to the stop operators
@@ -40,7 +39,11 @@ SCALED_CHANGE = 0.1  # share by which a parameter that varies with time is chang
 REFINEMENT_STEPS = 12  # Gauss-Newton steps at most: three left a third of the misfit of a nonlinear viscous friction
 STEP_SHARES = (1.0, 0.4, 0.1)  # of a Gauss-Newton step, tried until one improves the fit
 SHAPE_FACTOR = 1.6  # by which a shape may change in one step
-SETTLED = 1e-3  # share of the sum of squares: a step that gains less is the last one
+# Of the cost, in which a parameter that is off by its standard deviation is worth one: a step that gains less is the
+# last one.
+SETTLED = 0.3
+BROKEN_PROMISE = 3.0  # of the cost, chosen: a step that promised as much and gains nothing had the wrong columns
+AS_CLOSE = 1e-3  # share of the sum of squares by which a fit may leave more and is still as good; chosen
 AMPLITUDE_CHANGE = 0.1  # of an amplitude, for its sensitivity
 LEAST_AMPLITUDE = 0.3  # of an effect's typical amplitude, where its own is smaller
 SHAPE_CHANGE = 0.05  # of a shape, for its sensitivity

@@ -225,5 +225,5 @@ def _left(e: Evidence, now: Fitted, g: Grams, names: list[str], block: NDArray[n
     free = np.full((len(names) - len(nuisances), 2), (-np.inf, np.inf))
     bounds = np.concatenate([prior.limits(now.model, nuisances), free])
     informed = prior.informed(now.model, nuisances)
-    step = priors.bounded_step(rest, names, bounds, informed, priors.temper(rest, names, prior))
+    step = priors.bounded_step(rest, names, bounds, informed, priors.temper(rest, names, prior)).move
     return residual_sum_of_squares(g.both[block].sum(axis=0), g.places(names), np.array([step[name] for name in names]))
