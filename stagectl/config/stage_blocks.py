@@ -45,6 +45,7 @@ class Encoder(NamedTuple):
     delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods from latch to controller, nm")] = 0
     eccentricity: plant.Eccentricity = Harmonic()
     interpolation: plant.Interpolation = Harmonic()
+    interpolation_second: plant.InterpolationSecond = Harmonic()
 
     @property
     def one_count(self) -> float:

@@ -172,9 +172,7 @@ def _assembled(file: StageFile) -> stage.Stage:
         file.motor,
         file.mechanics,
         friction_of(file.friction),
-        stage.Encoder(
-            file.encoder.one_count, file.encoder.delay_samples, file.encoder.eccentricity, file.encoder.interpolation
-        ),
+        stage.Encoder(file.encoder.one_count, *(getattr(file.encoder, name) for name in stage.Encoder._fields[1:])),
         _table(file.residual),
     )
 

@@ -41,6 +41,7 @@ Lead = Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c that goes with 
 BallPass = Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c that goes with the balls that pass")]
 Eccentricity = Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a turn")]
 Interpolation = Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a signal period")]
+InterpolationSecond = Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error twice a signal period")]
 
 
 class Reported(NamedTuple):
@@ -192,7 +193,8 @@ class Encoder(NamedTuple):
     step: Annotated[float, Quantity("rad | m", "[0, 1]", "one count; 0: continuous")]
     delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods from latch to controller, nm")]
     eccentricity: Eccentricity = Harmonic()
-    interpolation: Interpolation = Harmonic()
+    interpolation: Interpolation = Harmonic()  # offsets of the sine and cosine signals
+    interpolation_second: InterpolationSecond = Harmonic()  # their unequal gains, and an angle that is not square
 
 
 class Stage(NamedTuple):

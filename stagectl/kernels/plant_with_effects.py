@@ -194,7 +194,9 @@ def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
 @kernel
 def seen(p: Encoder, pitch: float, position: float) -> float:
     """Position with the errors of the encoder's grating (rad | m)."""
-    if p.eccentricity.amplitude == 0.0 and p.interpolation.amplitude == 0.0:
+    fine = p.interpolation.amplitude != 0.0 or p.interpolation_second.amplitude != 0.0
+    if p.eccentricity.amplitude == 0.0 and not fine:
         return position
     angle = effects.TURN / pitch * position
-    return position + effects.wave(p.eccentricity, angle) + effects.wave(p.interpolation, angle)
+    within = effects.wave(p.interpolation, angle) + effects.wave(p.interpolation_second, angle)
+    return position + effects.wave(p.eccentricity, angle) + within

@@ -61,7 +61,8 @@ ADDED = {
   step: {share: -10 %, at: 3 s}""",
     "counts_per_revolution: 1048576": """
   eccentricity: {amplitude: 30 arcsec, phase: 90 deg}
-  interpolation: {amplitude: 2 arcsec, order: 2048}""",
+  interpolation: {amplitude: 2 arcsec, order: 2048}
+  interpolation_second: {amplitude: 1 arcsec, order: 4096}""",
     "current_limit: 15 A": """
   dead_time: 0.7 ms
   jitter: 20 us
@@ -142,6 +143,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
     assert {name: values[name] for name in numbers} == pytest.approx(numbers, rel=1e-12)
     assert tuple(p.encoder.eccentricity) == pytest.approx((30 * arcsec, 1.0, math.pi / 2.0))
     assert tuple(p.encoder.interpolation) == pytest.approx((2 * arcsec, 2048.0, 0.0))
+    assert tuple(p.encoder.interpolation_second) == pytest.approx((arcsec, 4096.0, 0.0))
     assert p.residual[:3] == (effects.SINCE_REVERSAL, -0.01, 0.01)
     assert list(p.residual.values) == [-0.02, 0.0, 0.02]
 

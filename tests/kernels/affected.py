@@ -47,4 +47,8 @@ def friction(p: stage.Friction) -> stage.Friction:
 
 
 def encoder(p: stage.Stage) -> stage.Encoder:
-    return p.encoder._replace(eccentricity=Harmonic(1e-4, 1.0, 0.5), interpolation=Harmonic(1e-5, 1024.0, 0.0))
+    return p.encoder._replace(
+        eccentricity=Harmonic(1e-4, 1.0, 0.5),
+        interpolation=Harmonic(1e-5, 1024.0, 0.0),
+        interpolation_second=Harmonic(5e-6, 2048.0, 1.0),
+    )

@@ -329,7 +329,7 @@ def test_ageing_raises_the_break_away_and_slip_wipes_it(length: float) -> None:
 
 def test_an_axis_that_begins_at_a_reading_reads_it() -> None:
     """An encoder with errors stands where it reads the log's first row: nothing moves to get there."""
-    grating = stage.Encoder(0.0, 0, Harmonic(3e-4, 1.0, 0.4), Harmonic(2.4e-5, 1024.0, 1.0))
+    grating = stage.Encoder(0.0, 0, Harmonic(3e-4, 1.0, 0.4), Harmonic(2.4e-5, 1024.0, 1.0), Harmonic(9e-6, 2048.0))
     p = plant()._replace(encoder=grating)
     for reading in (-2.7, 0.0, 31.4):
         x = stage.at_reading(p, reading, 7.0)

@@ -101,7 +101,10 @@ def parameters(fitted: EffectValues, deviation: Mapping[str, float], kind: str) 
     units = units_of(fitted.effect, kind)
     half = {name: NORMAL * deviation.get(f"{fitted.effect.name}.{name}", 0.0) for name in fitted.values}
     values = {name: Value(x, x - half[name], x + half[name], units[name]) for name, x in fitted.values.items()}
-    return _harmonic(values, half) if "sine" in values and "cosine" in values else values
+    for nth in ("second_", ""):
+        if f"{nth}sine" in values:
+            values = _harmonic(values, half, nth)
+    return values
 
 
 def _with_period(values: dict[str, Value], session: Session) -> dict[str, Value]:
@@ -113,12 +116,13 @@ def _with_period(values: dict[str, Value], session: Session) -> dict[str, Value]
     return {"period": Value(pitch / order.value, pitch / order.high, pitch / order.low, unit), **values}
 
 
-def _harmonic(values: dict[str, Value], half: Mapping[str, float]) -> dict[str, Value]:
-    sine, cosine = values.pop("sine"), values.pop("cosine")
-    size, width = math.hypot(sine.value, cosine.value), math.hypot(half["sine"], half["cosine"])
+def _harmonic(values: dict[str, Value], half: Mapping[str, float], nth: str) -> dict[str, Value]:
+    """The `values` with amplitude and phase, first, in the place of sine and cosine; `nth` begins all four names."""
+    sine, cosine = values.pop(f"{nth}sine"), values.pop(f"{nth}cosine")
+    size, width = math.hypot(sine.value, cosine.value), math.hypot(half[f"{nth}sine"], half[f"{nth}cosine"])
     phase, turn = math.atan2(cosine.value, sine.value), min(width / max(size, 1e-300), math.pi)
     amplitude = Value(size, max(size - width, 0.0), size + width, sine.unit)
-    return {"amplitude": amplitude, "phase": Value(phase, phase - turn, phase + turn, "rad"), **values}
+    return {f"{nth}amplitude": amplitude, f"{nth}phase": Value(phase, phase - turn, phase + turn, "rad"), **values}
 
 
 def rivals(e: Evidence, selected: Selection, effect: FoundEffect) -> dict[str, Stage]:

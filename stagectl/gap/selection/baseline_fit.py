@@ -167,7 +167,7 @@ def _deviations(model: TrackedModel, run: Run, paths: Sequence[MeasuredPath]) ->
     Before that they differ by how well the start of each is known.
     """
     counted = np.flatnonzero(run.weight)
-    rows = slice(KEPT * counted[0], KEPT * counted[-1] + 1) if len(counted) else slice(None)
+    rows = slice(KEPT * counted[0], KEPT * counted[-1] + 1) if len(counted) > 1 else slice(None)
     repeats = [model_residual(model, path) for path in paths]
     clock = [path.start for path in paths]
     effort, current = (single_noise([one[rows] for one in signals], clock) for signals in zip(*repeats, strict=True))

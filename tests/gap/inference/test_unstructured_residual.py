@@ -39,6 +39,17 @@ def test_an_effect_left_out_is_told_by_where_it_is(
     assert words in diagnosis.sentence and len(diagnosis.unknown.grid) == len(diagnosis.unknown.force) > 3
 
 
+def test_an_encoder_that_errs_twice_a_signal_period_leaves_nothing_unknown(tmp_path: Path) -> None:
+    """Offsets of its signals give a wave a period; unequal gains give a second one, which is named with it."""
+    stage_trial(draw(13, "single", Drawn(short=True, effects=("encoder_interpolation",), scale=4.0)), tmp_path)
+    session = load_session.load([tmp_path / "captures"])
+    diagnosis = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    assert diagnosis.verdict == "effects" and diagnosis.unknown is None
+    found = next(effect for effect in diagnosis.named if effect.name == "encoder_interpolation")
+    assert found.parameters["second_amplitude"].low > 0.0
+    assert diagnosis.gap.after < 1.5 * diagnosis.gap.floor
+
+
 def test_what_stays_open_in_the_loop_is_unknown_whatever_lies_along_the_path(tmp_path: Path) -> None:
     """A gap between motor and load, left out: what is left may be friction's form, but the loop's gap stays."""
     stage_trial(draw(1, "single", Drawn(short=True, effects=("backlash",), scale=4.0)), tmp_path)

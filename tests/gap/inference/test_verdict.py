@@ -58,7 +58,7 @@ def test_a_short_mean_delay_belongs_to_the_jitter(name: str, value: str, size: f
 def test_sine_and_cosine_become_amplitude_and_phase() -> None:
     values = {name: Value(x, x - 0.5, x + 0.5, "N m") for name, x in (("sine", 3.0), ("cosine", 4.0))}
     order = Value(2.0, 2.0, 2.0, "")
-    harmonic = verdict._harmonic({**values, "order": order}, {"sine": 0.5, "cosine": 0.5})
+    harmonic = verdict._harmonic({**values, "order": order}, {"sine": 0.5, "cosine": 0.5}, "")
     assert list(harmonic) == ["amplitude", "phase", "order"]
     amplitude, phase = harmonic["amplitude"], harmonic["phase"]
     half = math.sqrt(0.5)
@@ -69,7 +69,7 @@ def test_sine_and_cosine_become_amplitude_and_phase() -> None:
 
 def test_an_amplitude_that_is_not_sure_has_any_phase() -> None:
     values = {name: Value(0.1, 0.0, 0.0, "N m") for name in ("sine", "cosine")}
-    harmonic = verdict._harmonic(values, {"sine": 9.0, "cosine": 9.0})
+    harmonic = verdict._harmonic(values, {"sine": 9.0, "cosine": 9.0}, "")
     assert harmonic["amplitude"].low == 0.0 and harmonic["phase"].high - harmonic["phase"].value == math.pi
 
 

@@ -200,7 +200,7 @@ def _drive() -> tuple[Scene, ...]:
 
 def _sensor() -> tuple[Scene, ...]:
     disc: dict[str, float] = {"sine": 30e-5, "cosine": 0.0, "order": 1.0}
-    period: dict[str, float] = {"sine": 3e-5, "cosine": 0.0, "order": 512.0}
+    period: dict[str, float] = {"sine": 3e-5, "cosine": 0.0, "second_sine": 1e-5, "second_cosine": 0.0, "order": 512.0}
     return (
         _scene("encoder_eccentricity", "constant-speed-fast", "turn", disc, colours="pace", band=40.0),
         _scene("encoder_interpolation", "creep", "period", period, band=FULL_BAND),
