@@ -167,7 +167,8 @@ def _in_the_place_of(e: Evidence, library: Library, now: Fitted, valued: EffectV
     """The sets that may stand in the place of an effect of `now`; it is no trace where it explains what is missing."""
     rest = without(e, now, valued)
     at = linearised.linearised(e, library, rest, valued)
-    if _empty(at) <= 1.0 - constants.KEPT or not is_material(e, library, now, valued):
+    present = at.verdict.of_effects().get(valued.effect.name, 0.0)
+    if present >= constants.KEPT or not is_material(e, library, now, valued):
         return at
     library = drive_alikes.without_unlike(e, library, now, valued)
     return linearised.linearised(e, library, rest, valued, traces=False)
