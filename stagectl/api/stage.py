@@ -122,7 +122,8 @@ class DesignedStage(PrintedResult):
     def changed(self, values: Mapping[str, Any]) -> DesignedStage:
         """The stage with values by dotted name, in memory: ``{"mechanics.inertia": 0.0102}``.
 
-        A number is in SI; a text has its unit: ``{"limits.speed": "200 mm/s"}``.
+        A text has its unit: ``{"limits.speed": "200 mm/s"}``.  A number is in the unit of the axis: positions and
+        speeds of a rotary axis are rad and rad/s at the motor, with a lead, too, where its file says mm and mm/s.
         Raises ConfigError where there is no such entry, DesignError where the loop would be refused.
         """
         axis = self.setup.file.axis

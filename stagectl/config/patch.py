@@ -103,8 +103,10 @@ def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
 
 def _in_si(name: str, value: Any, hint: Any, lengths: Lengths) -> Any:
     """One value; as it is where the file has no number there."""
-    if plain(without_none(hint)) is not float or isinstance(value, Real):
+    if plain(without_none(hint)) is not float or isinstance(value, bool):
         return value
+    if isinstance(value, Real):
+        return float(value)  # 3 is the number 3.0: both are written and read back in the same way
     unit = lengths.unit_of(quantity_of(hint))
     if not isinstance(value, str):
         reason = "must be a single value: a number in SI, or text with its unit"

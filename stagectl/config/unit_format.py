@@ -86,7 +86,21 @@ def _list(values: list[float], unit: str, lengths: Lengths, like: str, column: i
 
 
 def _with_unit(value: float, unit: str, scale: float) -> str:
-    return f"{value / scale:.{WRITTEN_DIGITS}g} {unit}".rstrip()
+    return f"{value / scale:.{_digits(value, scale)}g} {unit}".rstrip()
+
+
+def _digits(value: float, scale: float) -> int:
+    """Digits to write: more than are usual for a value that is short in SI, as a person gave it: 3 rad/s in mm/s.
+
+    That one must be read back as it was given.  A computed value is long in SI, too, and its last digits tell nothing.
+    """
+    short, all_of_them = float(f"{value:.{WRITTEN_DIGITS}g}") == value, 17
+    exact = (digits for digits in range(WRITTEN_DIGITS, all_of_them) if _reads_back(value, scale, digits))
+    return next(exact, all_of_them) if short else WRITTEN_DIGITS
+
+
+def _reads_back(value: float, scale: float, digits: int) -> bool:
+    return float(f"{value / scale:.{digits}g}") * scale == value
 
 
 def _chosen(size: float, unit: str, lengths: Lengths, like: str) -> tuple[str, float]:

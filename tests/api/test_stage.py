@@ -51,6 +51,18 @@ def test_a_change_is_in_memory_until_it_is_saved(stage: DesignedStage, folder: P
     ]
 
 
+@pytest.mark.parametrize("speed", [3, 5, 30, 3.0, 12.5])
+def test_a_number_is_written_so_that_it_reads_back_as_it_is(stage: DesignedStage, speed: float) -> None:
+    assert stage.changed({"limits.speed": speed}).setup.file.limits.speed == pytest.approx(speed, rel=1e-14)
+    low, high = stage.changed({"limits.travel": [-speed, speed]}).setup.file.limits.travel
+    assert (low, high) == pytest.approx((-speed, speed), rel=1e-14)
+
+
+def test_a_length_keeps_its_unit_where_it_is_exact(stage: DesignedStage) -> None:
+    (change,) = stage.changed({"limits.speed": "200 mm/s"}).changes
+    assert change.new == "200 mm/s"
+
+
 def test_a_recording_holds_the_changed_stage_file(stage: DesignedStage) -> None:
     path = sc.simulate(stage.changed({"mechanics.inertia": 0.0105}), SINE).save("run.h5")
     assert "0.0105 kg m^2" in open_recording(path).meta["files"]["stage"]["text"]
