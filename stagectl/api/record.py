@@ -51,8 +51,10 @@ class MotionRecord(PrintedResult):
 
     @property
     def samples(self) -> NDArray[Any]:
-        """All rows (n,), structured."""
-        return self.recording.samples
+        """All rows (n,), structured; read-only, as the record is what was measured."""
+        rows = self.recording.samples.view()
+        rows.flags.writeable = False
+        return rows
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -72,8 +74,8 @@ class MotionRecord(PrintedResult):
         return {name: known[name].meaning if name in known else "" for name in self.columns}
 
     def __getitem__(self, name: str) -> Array:
-        """One column (n,).  Raises RecordingError naming the columns there are."""
-        return self.recording.column(name)
+        """A copy of one column (n,), the caller's own.  Raises RecordingError naming the columns there are."""
+        return self.recording.column(name).copy()
 
     def __len__(self) -> int:
         return len(self.samples)

@@ -46,6 +46,15 @@ def test_columns_have_units(run: MotionRecord) -> None:
         run["torque"]
 
 
+def test_the_record_stays_what_was_measured(run: MotionRecord) -> None:
+    before = run["error"]
+    for column in (run["error"], run.to_arrays()["error"]):
+        column *= 1e6
+    with pytest.raises(ValueError, match="read-only"):
+        run.samples["error"] *= 1e6
+    assert np.array_equal(run["error"], before)
+
+
 def test_the_tracking_error_is_in_travel(run: MotionRecord) -> None:
     inside = (run["time"] >= run.summary["steady"][0]) & (run["time"] < run.summary["steady"][1])
     assert np.max(np.abs(run.tracking_error()[inside])) == run.summary["tracking_error"]["peak"]
