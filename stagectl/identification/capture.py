@@ -24,6 +24,7 @@ class Refusal(enum.StrEnum):
     AT_REST = "at rest"  # the axis did not move, or not far enough
     CONSTANT_CURRENT = "constant current"
     FRICTION_UNSETTLED = "friction unsettled"  # it still changes where it must be constant
+    GIVEN_TWICE = "given twice"  # a log counts once: its copy holds nothing new
     HELD_OUT = "held out"
     ILL_CONDITIONED = "ill-conditioned"  # the motion does not separate the parameters
     IMPLAUSIBLE = "implausible"  # units, signs or a current that cannot be right

@@ -15,6 +15,7 @@ from stagectl.identification.resampling import Part, parts
 from stagectl.identification.result import Note, Topic
 from stagectl.recording.columns import WITHOUT
 from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.recording.in_memory import given_twice
 from stagectl.recording.scales import scales_of_stage
 
 CURRENTS = ("measured_current", "current", "command")  # the best first: in the motor, after, before the limit
@@ -54,6 +55,7 @@ def prepared(
     """
     if not recordings:
         raise IdentificationError("no capture was given: record one, or give a log", Refusal.NO_CAPTURE)
+    _each_once(recordings)
     used = [recording for recording in recordings if not held_out(recording)]
     if not used:
         raise IdentificationError(
@@ -66,6 +68,18 @@ def prepared(
         except IdentificationError as error:
             raise error.within(recording.path) from error
     return captures
+
+
+def _each_once(recordings: Sequence[Recording]) -> None:
+    """Raise IdentificationError where a log is there twice: it would make every interval too narrow."""
+    seen: dict[Path, list[Recording]] = {}
+    for recording in recordings:
+        others = seen.setdefault(recording.path.resolve(), [])
+        # Two motions in memory may be planned for one path.
+        if any(np.array_equal(recording.samples, other.samples) for other in others):
+            name = recording.path.name
+            raise IdentificationError(given_twice(name), Refusal.GIVEN_TWICE, capture=str(recording.path), value=name)
+        others.append(recording)
 
 
 def _captures(recording: Recording, setup: Setup, current: str | None, doubtful: bool) -> list[Capture]:

@@ -41,6 +41,11 @@ class Recording(NamedTuple):
         return np.asarray(self.samples[name], dtype=np.float64)
 
 
+def given_twice(name: str) -> str:
+    """What to say of a log that stands twice among those that are evaluated together."""
+    return f"{name} is there twice; name each log once"
+
+
 def quantities() -> dict[str, Quantity]:
     """Unit and meaning of every column, as declared with the kernels' fields."""
     known = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}

@@ -244,6 +244,16 @@ def test_a_late_position_belongs_to_an_earlier_row(columns: dict[str, Array], ba
     assert topics(capture.notes) == {Topic.DELAY} and "3 periods" in capture.notes[0]
 
 
+def test_a_log_that_is_there_twice_is_refused(columns: dict[str, Array], ball_screw: Setup) -> None:
+    """It would make all intervals too narrow; two motions in memory may be planned for one path."""
+    with pytest.raises(IdentificationError) as caught:
+        prepared([recording(columns), recording(columns)], ball_screw)
+    assert (caught.value.reason, caught.value.capture) == (Refusal.GIVEN_TWICE, "made.h5")
+    other = {name: column.copy() for name, column in columns.items()}
+    other["measured"][-1] += 1e-9
+    assert len(prepared([recording(columns), recording(other)], ball_screw)) == 2
+
+
 def test_the_current_can_be_chosen(columns: dict[str, Array], ball_screw: Setup) -> None:
     more = {**columns, "command": 1.01 * columns["measured_current"]}
     assert prepared([recording(more)], ball_screw, "command")[0].current_column == "command"

@@ -15,6 +15,7 @@ from stagectl.gap.logs.session import Array, LogError
 from stagectl.kernels.law import Setpoint
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.recording.in_memory import given_twice
 from stagectl.recording.scales import read_values, scales_of_nominal
 from stagectl.units import StageError
 
@@ -69,7 +70,7 @@ def read_logs(paths: Sequence[Path], setup: Setup | None, said: Description) -> 
     names = [log.name for log in logs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise LogError("duplicate", (twice,), f"{twice} is there twice; name each log once")
+        raise LogError("duplicate", (twice,), given_twice(twice))
     return _on_one_clock(logs)
 
 
