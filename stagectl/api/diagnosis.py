@@ -29,7 +29,7 @@ from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffe
 from stagectl.gap.steps import in_percent
 from stagectl.kernels.stage import Mechanics, Motor
 from stagectl.problem import nearest
-from stagectl.units import StageError, parse
+from stagectl.units import LINEAR, ROTARY, StageError, parse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from stagectl.kernels.stage import Stage
     from stagectl.report.page import Page
 
+_KINDS = (ROTARY, LINEAR, "ball-screw")  # of a model; the last is rotary, with travel_per_unit_mm
 DiagnosisFigure = Literal["shares", "coordinates", "spans", "run"]
 
 
@@ -197,6 +198,8 @@ def diagnose(
 
     Raises GapError where the logs cannot be diagnosed, RecordingError where they cannot be read.
     """
+    if stage is not None and model is not None:
+        raise ArgumentError("model", "", "and stage both give the model: leave one of them out")
     places = paths_of(session)
     options = pipeline.Options(_excluded(exclude), full, advice)
     said = _described(named_columns(columns), model)
@@ -239,6 +242,9 @@ def _check_model(model: Mapping[str, float | str]) -> None:
         if isinstance(value, str) and name not in STAGE_WORDS:
             reason = f"; must be a number in SI, without its unit{_in_si(name, value, str(model.get('kind')))}"
             raise ArgumentError("model", f"{name} = {value}", reason)
+    kind = model.get("kind", ROTARY)
+    if kind not in _KINDS:
+        raise ArgumentError("model", f"kind = {kind}", f"; must be one of {', '.join(_KINDS)}")
     missing = next((name for name in ("kind", "force_constant", "inertia") if model and name not in model), None)
     if missing:
         raise ArgumentError("model", missing, " is missing; must have kind, force_constant and inertia (SI)")

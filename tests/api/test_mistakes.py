@@ -61,6 +61,14 @@ MISTAKES = {
         lambda s: sc_.diagnose("x.csv", model={"kind": "rotary", "force_constant": 0.7, "inertia": "100 kg cm^2"}),
         "must be a number in SI, without its unit: write inertia=0.01",
     ),
+    "model's kind": (
+        lambda s: sc_.diagnose("x.csv", model={"kind": "banana", "force_constant": 0.7, "inertia": 1.0}),
+        "model kind = banana; must be one of rotary, linear",
+    ),
+    "two models": (
+        lambda s: sc_.diagnose("x.csv", stage=s, model={"kind": "rotary", "force_constant": 0.7, "inertia": 1.0}),
+        "both give the model",
+    ),
     "millimetres": (
         lambda s: sc_.load_trajectory((TIMES, 5.0 - 5.0 * np.cos(2.0 * np.pi * TIMES)), s),
         "limits.travel",
