@@ -15,9 +15,10 @@ from stagectl.api.checked import checked
 from stagectl.api.result import PrintedResult, Sheet, gains_frame
 from stagectl.compensation.forms import name_of
 from stagectl.config import stage_file
+from stagectl.config.axis_patch import axis_reference
 from stagectl.config.lengths import Lengths
-from stagectl.config.machine_file import text_of
-from stagectl.config.patch import Change, check_values, patched, replace_file
+from stagectl.config.machine_file import split, text_of
+from stagectl.config.patch import Change, check_values, in_its_file, patched, replace_file
 from stagectl.config.source import ConfigError
 from stagectl.extras import require
 from stagectl.problem import Problem, ProblemKind
@@ -147,17 +148,27 @@ class DesignedStage(PrintedResult):
     def save(self, path: PathLike) -> DesignedStage:
         """Write the stage file, and return the stage that it holds.
 
+        Changes of one axis among several (``xy.yaml#x``) go into its own file, as entries of that axis; another file
+        gets that axis alone.
+
         Raises ConfigError where `path` cannot be written, or the stage would be refused there; ArgumentError where it
         is no name of a stage file, StageError where another file is there than the one that the stage was loaded from.
         """
-        target = Path(path)
+        target, text = split(Path(path))[0], self.text
         if target.suffix not in (".yaml", ".yml"):
             raise ArgumentError("path", target, "; must end in .yaml")
-        if target.is_file() and target.resolve() != self.path.resolve() and target.read_bytes() != self.text.encode():
+        own, axis = split(self.path)
+        into_plane = bool(axis) and target.resolve() == own.resolve()
+        if into_plane:  # the other axes stay as they are
+            text = in_its_file(self.path, text, self.changes)
+        elif target.is_file() and target.resolve() != own.resolve() and target.read_bytes() != text.encode():
             raise left_as_it_is(target, "is not the file of this stage")
         target.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(target, self.text.encode(), lambda written: load_stage(written))
-        return load_stage(target)
+        replace_file(target, text.encode(), lambda fresh: load_stage(self._named(fresh, into_plane)))
+        return load_stage(self._named(target, into_plane))
+
+    def _named(self, file: Path, into_plane: bool) -> Path:
+        return axis_reference(file, self.path) if into_plane else file
 
 
 @contextmanager

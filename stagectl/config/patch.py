@@ -17,9 +17,11 @@ from typing import Any, NamedTuple
 import yaml
 
 from stagectl.config import yaml_edit
+from stagectl.config.axis_patch import axis_reference, into_axis
 from stagectl.config.bounds import LONGEST_SHOWN, SAME_VALUE
 from stagectl.config.hints import plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
+from stagectl.config.machine_file import split, text_of
 from stagectl.config.source import ConfigError, node_at, read_text
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import load_stage
@@ -64,21 +66,31 @@ class Entry(NamedTuple):
 def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]:
     """Write `target`, a copy of the stage file `source` with SI values by dotted name; or patch `source` itself.
 
+    Values of one axis among several (``xy.yaml#x``) become entries of that axis.
+
     Raises ConfigError where another file of that name is there, the result would be refused, or would not be read back
     as it was meant; `target` is then as it was.
     """
-    if target != source and target.suffix not in (".yaml", ".yml"):
+    if target != source and split(target)[0].suffix not in (".yaml", ".yml"):
         reason = f"{target} does not end in .yaml, as a stage file does"
         raise ConfigError(Problem(reason, ProblemKind.FILE, remedy=f"take -o {target}.yaml", file=target))
-    if target.exists() and not target.samefile(source):
+    file, target = split(source)[0], split(target)[0]
+    if target.exists() and not target.samefile(file):
         reason = f"{target} exists: choose another name, or patch that file by naming it as the stage file"
         raise ConfigError(Problem(reason, ProblemKind.CONFLICT))
     axis = load_stage(source, designed=False).file.axis  # the patch may be what makes a refused loop run
-    result = patched(read_text(source), values, Lengths(axis.kind, axis.lead))
-    with source.open("rb") as file:
-        mark = _MARK if file.read(3) == _MARK else b""
-    replace_file(target, mark + result.text.encode(), lambda path: check_values(load_stage(path).file, result))
+    result = patched(text_of(source), values, Lengths(axis.kind, axis.lead))
+    with file.open("rb") as opened:
+        mark = _MARK if opened.read(3) == _MARK else b""
+    content = mark + in_its_file(source, result.text, result.changes).encode()
+    replace_file(target, content, lambda path: check_values(load_stage(axis_reference(path, source)).file, result))
     return list(result.changes)
+
+
+def in_its_file(source: Path, text: str, changes: Sequence[Change]) -> str:
+    """The changed `text` of the stage `source` as its file holds it: among those of other axes, if there are any."""
+    file, axis = split(source)
+    return into_axis(read_text(file), axis, changes, text) if axis else text
 
 
 def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:

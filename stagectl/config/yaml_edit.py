@@ -52,6 +52,11 @@ def place_of(text: str, root: yaml.Node, name: str) -> Place:
     words = name.split(".")
     parent = node_at(root, ".".join(words[:-1])) if len(words) > 1 else root
     key, value = next(entry for entry in parent.value if entry[0].value == words[-1])
+    return place_between(text, key, value, name)
+
+
+def place_between(text: str, key: yaml.Node, value: yaml.Node, name: str) -> Place:
+    """The place of an entry by its nodes; `name` is for the error.  Raises as `place_of` does."""
     begin, behind = value.start_mark.index, key.end_mark.index
     if begin < behind or not _BETWEEN.fullmatch(text[behind:begin]) or text[begin : begin + 1] in ("&", "*", "!"):
         reason = "is written with an anchor, an alias or a tag, so that a change of it would change something else"

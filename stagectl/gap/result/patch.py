@@ -13,8 +13,9 @@ from stagectl.config import yaml_edit
 from stagectl.config.friction_laws import Rolling
 from stagectl.config.hints import tag_of
 from stagectl.config.lengths import Lengths
+from stagectl.config.machine_file import split, text_of
 from stagectl.config.patch import KEPT, Change, patched, write
-from stagectl.config.source import node_at, read_text
+from stagectl.config.source import node_at
 from stagectl.config.stage_blocks import Axis, StageFile
 from stagectl.config.stage_file import load_stage
 from stagectl.config.unit_format import hint_at
@@ -73,7 +74,7 @@ def patch_of(
     Raises PatchError where there is nothing to write, ConfigError where the file has no such place.
     """
     chosen, omitted = parts(result, only, unknown)
-    text = read_text(source) if text is None else text
+    text = text_of(source) if text is None else text
     file = load_stage(source, designed=False, text=text).file
     check_machine(result, file.axis, source)
     if not any(place == "motor.force_constant" for part in chosen for place, _ in part.fields):
@@ -265,7 +266,7 @@ def applied(patch: Patch, target: Path | None = None) -> Path | None:
     The result has been read back: it gives the same numbers.  Raises PatchError where the file is not the one that
     was reviewed, ConfigError where `target` exists or the patched stage would be refused; nothing is changed then.
     """
-    if read_text(patch.source) != patch.before:
+    if text_of(patch.source) != patch.before:
         raise PatchError(
             f"{patch.source} has changed since the patch was shown: nothing is written, review it again",
             "source",
@@ -274,7 +275,7 @@ def applied(patch: Patch, target: Path | None = None) -> Path | None:
     if target is not None:
         write(patch.source, target, patch.values)
         return None
-    saved = backup(patch.source)
+    saved = backup(split(patch.source)[0])
     try:
         write(patch.source, patch.source, patch.values)
     except BaseException:
