@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from stagectl.problem import ProblemKind
 from stagectl.recording.constants import HEADER_LINES, SHOWN_CELLS, TAIL_BYTES, TAIL_LINES
+from stagectl.recording.content import is_hdf5
 from stagectl.recording.hdf5 import RecordingError
 
 SEPARATORS = (",", ";", "\t")
@@ -86,7 +87,11 @@ def _whole(line: str, how: Layout) -> bool:
 
 def _check_encoding(path: Path) -> None:
     """Raises RecordingError where a text is of 16 bits, as spreadsheets save it, or ends in zero bytes."""
-    with _read_as_csv(path), path.open("rb") as file:
+    with _read_as_csv(path):
+        if is_hdf5(path):
+            reason = f"{path} is an HDF5 file, though its name says CSV: rename it to {path.with_suffix('.h5').name}"
+            raise RecordingError(reason, path, ProblemKind.SYNTAX)
+    with path.open("rb") as file:
         first = file.read(2)
         file.seek(max(path.stat().st_size - TAIL_BYTES, 0))
         tail = file.read()

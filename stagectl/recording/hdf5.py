@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from stagectl.kernels import rollout
 from stagectl.problem import ProblemKind, absent
 from stagectl.recording.constants import BLOCK, GAPS, LONGEST_REASON, ROOM_AT_ONCE, ROOM_PER_BLOCK
+from stagectl.recording.content import foreign, not_hdf5
 from stagectl.recording.file_lock import RecordingError as RecordingError
 from stagectl.recording.file_lock import beginning, being_written, claimed
 from stagectl.recording.in_memory import Recording as Recording
@@ -43,8 +44,6 @@ from stagectl.units import StageError
 
 FORMAT, _READ = "stagectl-recording/2", ("stagectl-recording/1", "stagectl-recording/2")
 _HDF5, _HEAD = b"\x89HDF\r\n\x1a\n\x03", struct.Struct("<12s16xQ")  # signature and version 3; the end of the file
-_FOREIGN = "is not an HDF5 file, or it is damaged; `stagectl import` reads other logs"
-_YAML = "is a YAML file, and a recording (.h5) belongs here; `stagectl simulate` makes one"
 _CUT_OFF = "the recorder was cut off: the rows end at its last block"
 
 
@@ -224,8 +223,7 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         try:
             file = h5py.File(path, "r", libver="latest", swmr=True)
         except OSError as error:
-            other = _YAML if path.suffix in (".yaml", ".yml") else _FOREIGN
-            raise RecordingError(f"{path} {other}", path, ProblemKind.SYNTAX) from error
+            raise RecordingError(f"{path} {not_hdf5(path)}", path, ProblemKind.SYNTAX) from error
     words, advice = f"{path} is damaged", ": copy it again"
     try:
         with RecordingError.instead_of((OSError,), words, path, ProblemKind.SYNTAX, advice):
@@ -241,7 +239,7 @@ def open_recording(path: Path, only: Collection[str] = ()) -> Recording:
     """
     with _opened(path) as file:
         if file.attrs.get("format") not in _READ or "samples" not in file:
-            raise RecordingError(f"{path} {_strange(str(file.attrs.get('format', '')))}", path, ProblemKind.SYNTAX)
+            raise RecordingError(f"{path} {_strange(file)}", path, ProblemKind.SYNTAX)
         complete = bool(file.attrs.get("complete", False))
         ended = file.attrs.get("ended", _CUT_OFF)
         ended = ended.decode(errors="ignore") if isinstance(ended, bytes) else str(ended)
@@ -260,14 +258,15 @@ def _timed(file: h5py.File, columns: Packed) -> dict[str, Any]:
     return meta
 
 
-def _strange(written: str) -> str:
+def _strange(file: h5py.File) -> str:
+    written = str(file.attrs.get("format", ""))
     name, _, version = FORMAT.partition("/")
     if written.startswith(f"{name}/"):
         return (
             f"is a recording of format {written.partition('/')[2]}; this stagectl reads format {version}: with the "
             "version that wrote it, `stagectl export FILE --to csv`, then here `stagectl import FILE.csv`"
         )
-    return "is not a stagectl recording; `stagectl import` reads other logs"
+    return foreign(file)
 
 
 def repair(path: Path) -> bool:

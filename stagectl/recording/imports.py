@@ -20,7 +20,7 @@ from stagectl.problem import ProblemKind, absent
 from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.constants import ROWS_TO_USE
-from stagectl.recording.hdf5 import Recording, RecordingError, check_name, save
+from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, save
 from stagectl.recording.metadata import versions
 from stagectl.recording.repair import repaired
 from stagectl.recording.scales import Scales, read_values
@@ -53,9 +53,9 @@ def read(
     if kind == ".mat":
         return [_clocked(_recording(mat_logs.read(path, setup, columns, scales)), setup)]
     if kind in (".yaml", ".yml"):
-        reason = f"{path} is a stage file and cannot be imported; name the logs, and give it as --stage {path}"
-        raise RecordingError(reason, path, ProblemKind.SHAPE)
+        raise RecordingError(f"{path} {_yaml_file(path)}", path, ProblemKind.SHAPE)
     if kind == ".h5":
+        open_recording(path, ("time",))  # says what the file is where it is none
         reason = f"{path} is a recording already, and needs no import: give it to the next command as it is"
         raise RecordingError(reason, path, ProblemKind.SHAPE)
     reason = (
@@ -63,6 +63,16 @@ def read(
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
     )
     raise RecordingError(reason, path, ProblemKind.SHAPE)
+
+
+def _yaml_file(path: Path) -> str:
+    """What a YAML file in the place of a log is, by its entries, and what to give instead."""
+    values = read_values(path)
+    if "type" in values and "axis" not in values:
+        return f"is a trajectory and no log; `stagectl simulate STAGE.yaml {path} -o run.h5` makes a recording of it"
+    if "captures" in values:
+        return f"lists captures and is no log itself; give its folder, {path.parent}"
+    return f"is a stage file and cannot be imported; name the logs, and give it as --stage {path}"
 
 
 def store(recordings: list[Recording], source: Path, output: Path | None) -> list[Path]:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
 
 from stagectl.config.stage_file import load_stage
 from stagectl.problem import ProblemKind
-from stagectl.recording.hdf5 import RecordingError
+from stagectl.recording.hdf5 import RecordingError, open_recording
 from stagectl.recording.imports import read
 from tests.conftest import CONFIG
 from tests.problems import refused
@@ -80,3 +82,37 @@ def test_a_linear_record_is_not_of_a_rotary_stage(tmp_path: Path) -> None:
         assert len(read(tmp_path / name)) == 1
         with refused(RecordingError, file=tmp_path / name, kind=KIND.CONFLICT):
             read(tmp_path / name, setup)
+
+
+def foreign_hdf5(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["time"], file["pos"] = np.arange(3.0), np.arange(3.0)
+
+
+CONTENTS: dict[str, Callable[[Path], object]] = {
+    "foreign.h5": foreign_hdf5,
+    "text.h5": lambda path: path.write_text("time_s,position_rad\n0,0\n1,1\n"),
+    "bytes.h5": lambda path: path.write_bytes(bytes(range(256)) * 8),
+    "renamed.csv": foreign_hdf5,
+}
+
+
+@pytest.mark.parametrize("name", CONTENTS)
+def test_a_name_that_is_wrong_is_not_believed(tmp_path: Path, name: str) -> None:
+    """Whoever reads it says what the file holds; none sends the user to the other."""
+    path = tmp_path / name
+    CONTENTS[name](path)
+    said = set()
+    for reader in (read, open_recording) if path.suffix == ".h5" else (read,):
+        with refused(RecordingError, kind=KIND.SYNTAX, file=path) as caught:
+            reader(path)
+        said.add(str(caught.value))
+    assert len(said) == 1 and "already" not in said.pop()
+
+
+@pytest.mark.parametrize(("name", "word"), [("ball-screw", "stage"), ("trajectories/sine-1.6hz", "trajectory")])
+def test_a_yaml_file_in_the_place_of_a_log_is_told_by_its_entries(name: str, word: str) -> None:
+    path = CONFIG / f"{name}.yaml"
+    with refused(RecordingError, kind=KIND.SHAPE, file=path) as caught:
+        read(path)
+    assert f"is a {word}" in str(caught.value)
