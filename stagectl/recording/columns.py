@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -39,7 +39,15 @@ WITHOUT = {
     "reference": "no reference: it has neither a tracking error nor a trajectory",
     "command": "no command: the output of the controller is not known",
     "measured_current": "no measured current: the command is used in its place",
+    "force": "no command and no measured current: no force is known",  # in the place of the two before
 }
+
+
+def without(names: Collection[str]) -> list[str]:
+    """What to say of the columns that a log with these `names` lacks."""
+    forceless = {"command", "measured_current"}.isdisjoint(names)
+    lacking = {"reference", *({"force"} if forceless else {"command", "measured_current"})} - set(names)
+    return [words for name, words in WITHOUT.items() if name in lacking]
 
 
 class Log(NamedTuple):

@@ -57,6 +57,7 @@ SAME_SPEED = 0.05  # spread of a speed over its size: below it every ramp would 
 FOLLOWS = 0.9  # share of a position's variance that its reference explains one to one
 LEAST_DRIVE = 0.15  # share of a column that the motion explains, of one that drives it
 CLEARLY_MORE = 0.3  # difference of two shares that decides between columns
+NEARLY_AS_LONG = 0.9  # of the longest vector of a MAT file: from here on a vector is a column of the same log
 PROPORTIONAL = 0.9999  # correlation of a current and its torque: one measurement, twice
 LEAD_ROWS = 4  # rows by which one column may run ahead of another
 LEADS = 0.01  # relative difference of two correlations that says which one is ahead

@@ -18,7 +18,7 @@ from stagectl.kernels import rollout
 from stagectl.number_format import duration
 from stagectl.problem import ProblemKind, absent
 from stagectl.recording import capture_attachments, csv_logs, mat_logs
-from stagectl.recording.columns import WITHOUT, Array, Log
+from stagectl.recording.columns import Array, Log, without
 from stagectl.recording.constants import ROWS_TO_USE
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, save
 from stagectl.recording.metadata import versions
@@ -99,7 +99,7 @@ def _recording(log: Log) -> Recording:
     for name in names:
         samples[name] = log.columns.pop(name)  # a long log is in memory once
     samples["time"] -= time[0]
-    missing = [words for name, words in WITHOUT.items() if name not in names]
+    missing = without(names)
     duration, scales = float(time[-1] - time[0]), log.scales
     meta = {
         "name": log.path.stem,

@@ -23,7 +23,7 @@ from stagectl.recording.columns import (
     parsed,
     unit_of,
 )
-from stagectl.recording.constants import EMPS_STEP
+from stagectl.recording.constants import EMPS_STEP, NEARLY_AS_LONG
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.metadata import flat
 from stagectl.recording.scales import Scales, scales_of_stage
@@ -43,8 +43,9 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None = None
         return _chosen(path, content, taken, choices(words))
     if isinstance(content.get("samples"), dict) and isinstance(content.get("meta"), str):
         return _ours(path, content, taken)
-    if "t" in content and "qm" in content:
+    if {"t", "qm", "vir", "gtau"} <= content.keys():  # others, too, call their time t
         return _emps(path, content, setup)
+    _check_lengths(path, content)
     named = {name: meaning for name in flat(content) if (meaning := parsed(name.rsplit(".", 1)[-1]))}
     present = {quantity for quantity, _ in named.values()}
     absent = [quantity for quantity in ("time", "position") if quantity not in present]
@@ -56,6 +57,22 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None = None
         )
         raise RecordingError(reason, path, ProblemKind.MISSING, column=absent[0])
     return _chosen(path, content, taken, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()])
+
+
+def _check_lengths(path: Path, content: Mapping[str, Any]) -> None:
+    """Raise RecordingError where a vector is about as long as the longest, a column that has lost rows or found some.
+
+    What is much shorter is a parameter or another record.
+    """
+    rows = {name: np.size(value) for name, value in flat(content).items() if np.asarray(value).dtype.kind in "fiu"}
+    longest = max(rows, key=lambda name: rows[name], default="")
+    for name, count in rows.items():
+        if NEARLY_AS_LONG * rows[longest] <= count < rows[longest]:
+            reason = (
+                f"{path}: {name} has {count} rows, {longest} has {rows[longest]}; columns of one log must have "
+                "the same number: save it again with all rows, or name those that belong together with --columns"
+            )
+            raise RecordingError(reason, path, ProblemKind.SHAPE, column=name)
 
 
 def variables(path: Path) -> dict[str, Any]:

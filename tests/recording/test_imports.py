@@ -207,7 +207,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "bad.mat").write_bytes(b"\x00" * 200)
     (tmp_path / "empty.mat").write_bytes(b"")
     savemat(tmp_path / "other.mat", {"x": [1.0]})
-    savemat(tmp_path / "ragged.mat", {"t": [0.0, 1.0], "qm": [0.0]})
+    savemat(tmp_path / "ragged.mat", {"t": [0.0, 1.0], "qm": [0.0], "vir": [0.0, 0.0], "gtau": 35.0})
     for name, kind in (
         ("a.txt", KIND.SHAPE),
         ("none.csv", KIND.FILE),

@@ -116,3 +116,21 @@ def test_a_yaml_file_in_the_place_of_a_log_is_told_by_its_entries(name: str, wor
     with refused(RecordingError, kind=KIND.SHAPE, file=path) as caught:
         read(path)
     assert f"is a {word}" in str(caught.value)
+
+
+def test_time_and_position_alone_are_not_the_benchmark(tmp_path: Path) -> None:
+    """Its layout has vir and gtau; a vector that is a row short is named, not dropped."""
+    rows = np.arange(1000.0)
+    savemat(tmp_path / "own.mat", {"t": rows, "qm": np.sin(rows), "i": rows})
+    with refused(RecordingError, kind=KIND.MISSING):
+        read(tmp_path / "own.mat")
+    savemat(tmp_path / "short.mat", {"t": rows, "qm": np.sin(rows), "i": rows[1:]})
+    with refused(RecordingError, kind=KIND.SHAPE, column="i"):
+        read(tmp_path / "short.mat")
+    savemat(tmp_path / "parameter.mat", {"time_s": rows, "position_rad": np.sin(rows), "poles": [1.0, 2.0, 3.0]})
+    assert len(read(tmp_path / "parameter.mat")[0].samples) == 1000
+
+
+def test_a_command_that_is_not_there_is_not_said_to_be_used(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time_s,position_rad\n0,0\n1,1\n2,2\n")
+    assert not [note for note in read(tmp_path / "log.csv")[0].meta["notes"] if "is used" in note]
