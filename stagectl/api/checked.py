@@ -51,7 +51,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     def called(*args: P.args, **kwargs: P.kwargs) -> R:
         signature, hints = declared()
         _known(function.__name__, signature, kwargs)
-        with contextlib.suppress(TypeError):  # too few or too many: Python says so itself
+        _few_enough(function.__name__, signature, hints, args)
+        with contextlib.suppress(TypeError):  # too few, or one twice: Python says so itself
             for name, value in signature.bind(*args, **kwargs).arguments.items():
                 _suits(name, value, hints, signature.parameters[name].kind)
         return function(*args, **kwargs)
@@ -67,6 +68,20 @@ def _known(function: str, signature: inspect.Signature, given: Mapping[str, Any]
             near = nearest(name, names)
             hint = f"did you mean {near}?" if near else f"it takes {', '.join(names)}"
             raise ArgumentError(name, "", f"is no argument of {function}: {hint}")
+
+
+def _few_enough(function: str, signature: inspect.Signature, hints: Mapping[str, Any], given: Sequence[Any]) -> None:
+    """Of more arguments than may stand in a row, the first in a wrong place is named, and where it belongs."""
+    kinds = {parameter.kind for parameter in signature.parameters.values()}
+    by_name = [name for name, one in signature.parameters.items() if one.kind is inspect.Parameter.KEYWORD_ONLY]
+    in_a_row = [name for name in signature.parameters if name not in by_name]
+    if inspect.Parameter.VAR_POSITIONAL in kinds or len(given) <= len(in_a_row):
+        return
+    for name, value in zip(in_a_row, given, strict=False):
+        _suits(name, value, hints, signature.parameters[name].kind)
+    value, first = given[len(in_a_row)], ", ".join(name for name in in_a_row if name != "self") or "none"
+    place = _exchanged(value, hints) or f": give it by its name, one of {', '.join(by_name)}" if by_name else ""
+    raise ArgumentError(function, "", f"takes {first} in a row, and no further one, {_shown(value)}{place}")
 
 
 def _suits(name: str, value: Any, hints: Mapping[str, Any], kind: Any) -> None:

@@ -69,6 +69,9 @@ MISTAKES = {
         lambda s: sc_.diagnose("x.csv", stage=s, model={"kind": "rotary", "force_constant": 0.7, "inertia": 1.0}),
         "both give the model",
     ),
+    "stage first": (lambda s: sc_.diagnose(s, "x.csv"), "session of type DesignedStage; must be a path"),
+    "stage second": (lambda s: sc_.diagnose("x.csv", s), "give it as `stage`"),
+    "one too many": (lambda s: s.save("x.yaml", "y.yaml"), "save takes path in a row"),
     "millimetres": (
         lambda s: sc_.load_trajectory((TIMES, 5.0 - 5.0 * np.cos(2.0 * np.pi * TIMES)), s),
         "limits.travel",

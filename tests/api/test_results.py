@@ -76,7 +76,8 @@ def test_identification_from_records_and_paths_together(stage: DesignedStage, fo
     write_csv(folder / "log.csv", motion())
     log = sc.load_log("log.csv", stage=stage)
     assert isinstance(log, MotionRecord)
-    both = sc.identify(stage, [log, "log.csv"], "least-squares")
+    write_csv(folder / "other.csv", motion(seed=4))
+    both = sc.identify(stage, [log, "other.csv"], "least-squares")
     assert len(both.captures) == 2
 
 
