@@ -19,15 +19,17 @@ PAGE = '<meta name="generator" content="stagectl">'
 JSON, JSON_LINES = '{\n  "', '{"'
 
 
-def check_replaceable(path: Path, mark: str | Callable[[Path], bool]) -> None:
+def check_replaceable(
+    path: Path, mark: str | Callable[[Path], bool], why: str = "is not of the kind that is written here"
+) -> None:
     """Raises StageError where a file stands there that is none of ours: without the `mark` in its beginning.
 
-    `mark` may be a function that knows; an empty one refuses any file.
+    `mark` may be a function that knows; an empty one refuses any file.  `why` says what a file without it is not.
     """
     if not path.is_file():  # what else may stand there, the system refuses
         return
     if not (mark and (not path.stat().st_size or (mark(path) if callable(mark) else _begins(path, mark)))):
-        raise left_as_it_is(path, "is not of the kind that is written here" if mark else "was not named")
+        raise left_as_it_is(path, why if mark else "was not named")
 
 
 def _begins(path: Path, mark: str) -> bool:

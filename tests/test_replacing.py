@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import stagectl as sc
+from stagectl.interchange.export import write_texts
 from stagectl.problem import ProblemKind
 from stagectl.recording import learned_current
 from stagectl.recording.export_targets import SUFFIXES
@@ -43,6 +44,14 @@ def test_another_kind_of_file_is_left(tmp_path: Path, mark: str) -> None:
     path.write_text(BY_HAND)
     with refused(StageError, kind=ProblemKind.CONFLICT, file=path):
         check_replaceable(path, mark)
+
+
+def test_the_export_of_another_stage_is_said_to_be_that(tmp_path: Path) -> None:
+    """It is of the kind that is written, but of another name."""
+    write_texts({tmp_path / "m.xml": '<mujoco model="one">\n'})
+    with refused(StageError, kind=ProblemKind.CONFLICT, file=tmp_path / "m.xml") as caught:
+        write_texts({tmp_path / "m.xml": '<mujoco model="two">\n'})
+    assert "kind" not in str(caught.value)
 
 
 @pytest.mark.parametrize("to", WRITERS)

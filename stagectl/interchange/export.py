@@ -44,7 +44,7 @@ def write_texts(files: Mapping[Path, str]) -> None:
     Raises ExportError where one cannot be written, StageError where a file is there that begins differently.
     """
     for file, text in files.items():
-        check_replaceable(file, text.splitlines()[0])
+        check_replaceable(file, text.splitlines()[0], "is no export of this stage")
     for file, text in files.items():
         with ExportError.instead_of((OSError,), f"{file} cannot be written", file, ProblemKind.FILE):
             write_text(file, text)
