@@ -40,6 +40,7 @@ def _with_entry(text: str, axis: str, name: str, new: str) -> str:
     for key, value in block.value:
         if key.value == name:
             return yaml_edit.with_value(text, yaml_edit.place_between(text, key, value, name), value, new)
+    assert isinstance(block, yaml.MappingNode)  # as the axis has been read
     return yaml_edit.with_entry(text, block, [name], new)
 
 

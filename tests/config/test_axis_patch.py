@@ -32,7 +32,8 @@ def test_values_go_to_their_axis(plane: Path, name: str, copy: str) -> None:
     write(axis_of(plane, name), plane.with_name(copy), {"mechanics.inertia": 0.009, "control.bandwidth": 7.5})
     after = {axis: sc.load_stage(axis_of(target, axis)).setup.file for axis in "xy"}
     other = "y" if name == "x" else "x"
-    assert (after[name].mechanics.inertia, after[name].control.bandwidth) == (0.009, 7.5)
+    assert after[name].mechanics.inertia == 0.009
+    assert sc.load_stage(axis_of(target, name)).loop.bandwidth == 7.5
     assert after[other] == before[other]
     assert target.read_text().partition("\naxis:")[2] == text.partition("\naxis:")[2]  # with all comments
 
