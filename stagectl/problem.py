@@ -77,7 +77,7 @@ def remedy_of(cause: Exception) -> str:
 def why_unread(cause: Exception) -> str:
     """Why a file could not be read, in plain words: neither an error's number nor the words of a decoder."""
     if isinstance(cause, UnicodeDecodeError):
-        return f"byte {cause.start + 1} is not text"
+        return f"byte {cause.start + 1} is not UTF-8 text"
     if isinstance(cause, json.JSONDecodeError):
         return f"line {cause.lineno}, column {cause.colno} is not JSON"
     return getattr(cause, "strerror", None) or str(cause)

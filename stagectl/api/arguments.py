@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 LAYERS = ("ptc", "friction", "effects", "observer")  # that can be switched off
 PathLike = str | os.PathLike[str]
 Count = Annotated[int, Quantity("", "[1, inf)", "how many")]
+Seed = Annotated[int | None, Quantity("", "[0, 2147483647]", "of what is drawn at random; none: the stage file's")]
 Step = Annotated[float, Quantity("s", "(0, inf)", "time from one row to the next")]
 Value = TypeVar("Value")
 

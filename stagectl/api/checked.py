@@ -94,7 +94,7 @@ def _suits(name: str, value: Any, hints: Mapping[str, Any], kind: Any) -> None:
                 name, _shown(one), f"; must be {' or '.join(words(hint))}{alone}{_exchanged(one, hints)}"
             )
         declared = quantity_of(hint)
-        if declared and not declared.admits(one):
+        if declared and one is not None and not declared.admits(one):
             raise ArgumentError(name, one, f"; must lie in {declared.interval} {declared.unit}".rstrip())
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stagectl.api.arguments import ArgumentError, PathLike, ProgressOption, Say, reported, switched_off
+from stagectl.api.arguments import ArgumentError, PathLike, ProgressOption, Say, Seed, reported, switched_off
 from stagectl.api.checked import checked
 from stagectl.api.record import MotionRecord
 from stagectl.api.stage import StageLike, as_stage
@@ -28,7 +28,7 @@ def simulate(
     trajectory: TrajectoryLike,
     *,
     plant: StageLike | None = None,
-    seed: int | None = None,
+    seed: Seed = None,
     without: str | Iterable[str] = (),
     learned: PathLike | None = None,
     friction: FrictionLaw | None = None,

@@ -64,9 +64,11 @@ Seed = Annotated[int | None, typer.Option("--seed", help="Of a method that searc
 Watch = Annotated[
     bool, typer.Option("--watch", help="Follow the friction of a running service, and keep its compensation current.")
 ]
-Every = Annotated[str, typer.Option("--every", metavar="TIME", help="Of --watch: what one look takes.")]
+Every = Annotated[
+    str | None, typer.Option("--every", metavar="TIME", help="Of --watch: what one look takes, else 10 s.")
+]
 Within = Annotated[
-    float, typer.Option("--within", min=0.01, max=1.0, help="Of --watch: bound of the change; 0.3: 30 %.")
+    float | None, typer.Option("--within", min=0.01, max=1.0, help="Of --watch: bound of the change, else 0.3: 30 %.")
 ]
 
 
@@ -88,8 +90,8 @@ def identify(
     compensation: Compensation = None,
     compensators: Compensators = "",
     watch: Watch = False,
-    every: Every = "10 s",
-    within: Within = 0.3,
+    every: Every = None,
+    within: Within = None,
     socket: Socket = None,
     axis: AxisName = "",
 ) -> None:
@@ -100,8 +102,12 @@ def identify(
     Example: stagectl identify least-squares config/emps.yaml recordings/emps.h5 --json -
     """
     if watch:
-        _follow(stage, _looks(method, stage, every, socket=socket, axis=axis, within=within), write, json)
+        looks = _looks(method, stage, every or "10 s", socket=socket, axis=axis, within=within or 0.3)
+        _follow(stage, looks, write, json)
         return
+    for name, value in (("every", every), ("within", within)):
+        if value is not None:
+            raise ArgumentError(name, value, " is of --watch: leave it out, or follow a running service", needs="watch")
     if not captures:
         raise StageError("nothing to identify from: name recordings or logs, or --watch a running service")
     import stagectl as sc

@@ -13,8 +13,11 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.catalogue import METHODS, Method, listed
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic
+from stagectl.problem import nearest
 from stagectl.typed_json import plain
 from stagectl.units import LINEAR
+
+_INPUTS = ("captures", "file", "progress")  # arguments of a method that are no options
 
 
 def identify(
@@ -28,6 +31,9 @@ def identify(
     known = inspect.signature(solve).parameters
     given = {option: value for option, value in options.items() if value is not None and value is not False}
     if foreign := [option for option in given if option not in known]:
+        if near := nearest(foreign[0], [one for one in known if one not in _INPUTS]):
+            reason = f"{foreign[0]} is not an option of {name}: did you mean {near}?"
+            raise IdentificationError(reason, Refusal.UNKNOWN_OPTION, value=foreign[0], admissible=near)
         own = [f"--{option}" for option in options if option in known]
         raise IdentificationError(
             f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}",

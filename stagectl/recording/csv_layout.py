@@ -107,7 +107,7 @@ def _check_encoding(path: Path) -> None:
         raise RecordingError(reason, path, ProblemKind.SYNTAX)
 
 
-_TEXT = "; give a text file with a header and rows of numbers"
+_TEXT = "; give a text file, saved as UTF-8, with a header and rows of numbers"
 
 
 def _read_as_csv(path: Path) -> AbstractContextManager[None]:

@@ -160,6 +160,9 @@ def _checked(log: Log) -> Array:
 
 
 def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
+    if not (folder / "captures.yaml").is_file():
+        reason = f"{folder} holds no captures.yaml, so it is no folder of captures: name the logs in it one by one"
+        raise RecordingError(reason, folder, ProblemKind.MISSING)
     entries = read_values(folder / "captures.yaml").get("captures")
     if not isinstance(entries, list) or not entries:
         reason = f"{folder / 'captures.yaml'} must hold a list `captures:` with at least one entry"

@@ -72,6 +72,7 @@ MISTAKES = {
     "stage first": (lambda s: sc_.diagnose(s, "x.csv"), "session of type DesignedStage; must be a path"),
     "stage second": (lambda s: sc_.diagnose("x.csv", s), "give it as `stage`"),
     "one too many": (lambda s: s.save("x.yaml", "y.yaml"), "save takes path in a row"),
+    "negative seed": (lambda s: sc_.simulate(s, SINE, seed=-1), "must lie in [0, 2147483647]"),
     "millimetres": (
         lambda s: sc_.load_trajectory((TIMES, 5.0 - 5.0 * np.cos(2.0 * np.pi * TIMES)), s),
         "limits.travel",

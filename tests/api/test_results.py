@@ -86,6 +86,9 @@ def test_identification_says_what_is_wrong(stage: DesignedStage, fit: Identified
         sc.identify(stage, "log.csv", "guessing")
     with pytest.raises(IdentificationError):
         sc.identify(stage, "log.csv", "least-squares", seed=3)
+    with pytest.raises(IdentificationError) as mistyped:
+        sc.identify(stage, "log.csv", "least-squares", gravit=True)
+    assert (mistyped.value.value, mistyped.value.admissible) == ("gravit", "gravity")
     with pytest.raises(ArgumentError) as error:
         sc.identify(stage, "log.csv", "simultaneous", delay="2 mm")
     assert (error.value.name, error.value.value) == ("delay", "2 mm")

@@ -168,7 +168,7 @@ MISTAKES = [
     (f"simulate {S} {T} {T}", T, 2),
     ("report folder", "folder: it is a folder", 2),
     ("drive verify none.json", "none.json", 2),
-    ("drive verify picture.json", "byte 1 is not text", 2),
+    ("drive verify picture.json", "byte 1 is not UTF-8 text", 2),
     ("drive verify half.json", "line 2, column 14", 2),
     ("drive verify list.json", "it has no content", 2),
     (f"drive accept {S} --yes --person Ann --key none.key", "none.key", 2),

@@ -27,6 +27,7 @@ KIND = ProblemKind
     [
         ("time_s,position_rad\n0,0\n1,1\n".encode("utf-16"), "UTF-16"),
         (b"time_s,position_rad\n0,0\n1,1" + bytes(4096), "4096 zero bytes"),
+        ("time_s,L\u00e4ge_rad\n0,0\n1,1\n".encode("latin-1"), "saved as UTF-8"),
     ],
 )
 def test_a_text_of_16_bits_or_with_zeros_says_so(tmp_path: Path, content: bytes, words: str) -> None:
