@@ -14,6 +14,7 @@ from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
 from stagectl.recording.hdf5 import open_recording
 from stagectl.simulation import FrictionLaw
+from stagectl.trajectories.top_speed import unreached
 from stagectl.workflows import motion as workflow
 from stagectl.workflows import simulated_motion
 
@@ -51,7 +52,12 @@ def simulate(
     if seed is not None:
         machine = workflow.reseeded(machine or designed.setup, seed)
     recording = simulated_motion.simulated(motion, machine, friction=friction)
-    return MotionRecord(recording, simulated_motion.simulated_result(motion, recording))
+    notes = tuple(_slow(designed.setup, trajectory))
+    return MotionRecord(recording, simulated_motion.simulated_result(motion, recording), notes)
+
+
+def _slow(setup: Setup, trajectory: TrajectoryLike) -> list[str]:
+    return unreached(as_trajectory(trajectory).bound(setup).experiment, setup.file.axis.travel_unit)
 
 
 def _takes_three(friction: FrictionLaw) -> None:
@@ -96,6 +102,8 @@ def run(
     designed = as_stage(stage)
     motion = _laid_out(designed.setup, trajectory, switched_off(without, designed.compensator), place, learned)
     motion = motion._replace(reset_fault=reset_fault)
+    for words in _slow(designed.setup, trajectory):
+        heard(f"note: {words}")
     if twin or twin_record is not None:
         motion = _with_twin(motion, twin_record, heard)
     with reported(progress, f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:

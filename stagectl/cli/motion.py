@@ -186,6 +186,8 @@ def simulate(
     run = sc.simulate(designed, motion, plant=plant, without=without or (), learned=learned)
     written = run.save(output)
     result = {**run.summary, "recording": str(written)}
+    for note in run.notes:
+        console.print(f"note: {note}")
     console.print(f"simulated: {summary(result)}")
     console.print(f"recorded: {written}")
     emit(result, json, result["in_position"])

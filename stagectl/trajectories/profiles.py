@@ -64,6 +64,11 @@ class Trapezoid(NamedTuple):
         return contained(lambda s: _moves(self, self._phases, s), t, self.duration, self.end)
 
     @property
+    def top_speed(self) -> float:
+        """The highest speed that a move reaches (m/s)."""
+        return max(self._phases.velocity)
+
+    @property
     def _phases(self) -> _Phases:
         distance = abs(self.distance)
         speed = min(self.velocity, math.sqrt(distance * self.acceleration))
@@ -99,6 +104,11 @@ class SCurve(NamedTuple):
     def at(self, t: npt.ArrayLike) -> Motion:
         """Motion at the times `t` (n,) s."""
         return contained(lambda s: _moves(self, self._phases, s), t, self.duration, self.end)
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed that a move reaches (m/s)."""
+        return max(self._phases.velocity)
 
     @property
     def _phases(self) -> _Phases:

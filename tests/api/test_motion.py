@@ -84,3 +84,13 @@ def test_a_law_that_cannot_be_simulated(stage: DesignedStage) -> None:
     cogging = stage.changed({"motor.cogging": {"amplitude": 0.01}})
     with pytest.raises(StageError):
         sc.simulate(stage, SINE, plant=cogging, friction=lambda velocity, position, step: 0.0)
+
+
+@pytest.mark.parametrize(("acceleration", "noted"), [("50 mm/s^2", 0), ("0.1 mm/s^2", 1)])
+def test_a_velocity_that_is_never_reached_is_noted(
+    stage: DesignedStage, folder: Path, acceleration: str, noted: int
+) -> None:
+    """A slip by a thousand in one unit makes a motion that creeps."""
+    move = "{type: trapezoid, distance: 0.05 mm, velocity: 1 mm/s, acceleration: " + acceleration + "}"
+    (folder / "move.yaml").write_text("{type: sequence, parts: [" + move + "]}")
+    assert len(sc.simulate(stage, "move.yaml").notes) == noted
