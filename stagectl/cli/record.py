@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
+from urllib.parse import quote
 
 import typer
 
@@ -13,6 +14,7 @@ from stagectl.cli.motion import Json
 from stagectl.cli.service import AxisName, Socket, ask_service
 from stagectl.cli.show import console, emit, progress
 from stagectl.problem import Problem, ProblemKind, why_unread
+from stagectl.service import shutdown_signals
 from stagectl.units import Quantity, StageError
 
 _LOOK = 0.1  # s between two looks at a recording
@@ -29,6 +31,9 @@ def record(
     before: Annotated[
         str, typer.Option(metavar="TIME", help="Include this much of the past, as far as available.")
     ] = "0 s",
+    end: Annotated[
+        bool, typer.Option("--end", help="End the recording that goes on, instead of beginning one.")
+    ] = False,
     name: Annotated[str, typer.Option(metavar="NAME", help="Name of the service's file; default: the time.")] = "",
     axis: AxisName = "",
     socket: Socket = None,
@@ -45,18 +50,31 @@ def record(
     seconds = quantity("for", time_, _FOR, "it such as '10 s'") if time_ else _LONGEST
     past = quantity("before", before, _PAST, "it such as '2 s'")
     body = {"axis": axis, "name": name, "before": past, "seconds": seconds}
-    begun = ask_service(socket, "POST", "/v1/recordings", body)
-    console.print(f"recording {begun['axis']}" + ("" if time_ else "; Ctrl-C ends"))
-    try:
-        _until_whole(begun, seconds if time_ else 0.0, socket)
-    except KeyboardInterrupt:
-        ask_service(socket, "POST", f"/v1/recordings/end?axis={begun['axis']}")
-    result = {"axis": begun["axis"], "recording": begun["path"]}
-    if output is not None:
-        _fetched(begun, output, socket)
-        result["recording"] = str(output)
+    with shutdown_signals.interrupting():
+        recorded = _ended(axis, socket) if end else _recorded(body, bool(time_), socket)
+        result = {"axis": recorded["axis"], "recording": recorded["path"]}
+        if output is not None:
+            _fetched(recorded, output, socket)
+            result["recording"] = str(output)
     console.print(f"recorded: {result['recording']}")
     emit(result, json)
+
+
+def _ended(axis: str, socket: Path | None) -> dict[str, str]:
+    """End the recording that goes on, whoever began it."""
+    recorded: dict[str, str] = ask_service(socket, "POST", f"/v1/recordings/end?axis={quote(axis)}")
+    return recorded
+
+
+def _recorded(body: dict[str, Any], bounded: bool, socket: Path | None) -> dict[str, str]:
+    """Begin a recording and wait for its end, or end it when the operator does."""
+    begun: dict[str, str] = ask_service(socket, "POST", "/v1/recordings", body)
+    console.print(f"recording {begun['axis']}" + ("" if bounded else "; Ctrl-C ends"))
+    try:
+        _until_whole(begun, body["seconds"] if bounded else 0.0, socket)
+    except (KeyboardInterrupt, OSError):  # OSError: the terminal has gone, and takes no progress any more
+        _ended(begun["axis"], socket)
+    return begun
 
 
 def _fetched(begun: dict[str, str], output: Path, socket: Path | None) -> None:

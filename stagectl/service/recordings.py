@@ -7,6 +7,7 @@ import functools
 import math
 import os
 import re
+import shlex
 import stat
 import threading
 import time
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 
 from stagectl.config.machine_file import text_of
 from stagectl.config.stage_blocks import Retention
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.file_lock import being_written, discard, sweep
 from stagectl.recording.hdf5 import RecordingError, repair
 from stagectl.recording.metadata import of_axis
@@ -70,7 +72,9 @@ class Recordings:
         """
         self.look()
         if axis.name in self._running:
-            raise ServiceError(f"{axis.name} is being recorded: {self._running[axis.name].path.name}; stop that first")
+            reason = f"{axis.name} is being recorded: {self._running[axis.name].path.name}"
+            remedy = f"`stagectl record --end --axis {shlex.quote(axis.name)}` ends that"
+            raise ServiceError(Problem(reason, ProblemKind.CONFLICT, remedy=remedy))
         name = name.strip() or time.strftime("%Y%m%d-%H%M%S")
         if not _NAME.fullmatch(name):
             raise ServiceError(f"name {name!r}; must be letters, digits, '_', '-', '.', '+', 80 at most")

@@ -1,4 +1,4 @@
-"""The signals that end the service, from its first moment on.
+"""The signals that end the service, from its first moment on, and those that end what a client has begun on it.
 
 It takes seconds to load, and then to start its processes; a signal must find it ready for an orderly end all that time.
 So the verb holds `STOPS` back at once, and the server lets them through as soon as it listens for them.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import threading
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     import asyncio
 
 STOPS = (signal.SIGTERM, signal.SIGINT)
+_LEAVES = (signal.SIGTERM, signal.SIGHUP)  # the operator's terminal or connection is gone, or a time-out has come
 
 
 @contextlib.contextmanager
@@ -36,3 +38,30 @@ def stop_event() -> asyncio.Event:
         asyncio.get_running_loop().add_signal_handler(number, stopped.set)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
     return stopped
+
+
+@contextlib.contextmanager
+def interrupting() -> Iterator[None]:
+    """Have SIGTERM and SIGHUP raise KeyboardInterrupt, as Ctrl-C does: what was begun must not go on unattended.
+
+    Only the first does: a shell and `timeout` send them twice, and what the first one has caused must be carried out.
+    A signal that is ignored, as under `nohup`, or that a program handles itself, stays as it is.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    taken = [number for number in _LEAVES if signal.getsignal(number) is signal.SIG_DFL]
+    came: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        came.append(number)
+        if len(came) == 1:
+            raise KeyboardInterrupt
+
+    for number in taken:
+        signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)

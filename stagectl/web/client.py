@@ -16,6 +16,7 @@ from typing import Any
 from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.replacing import replaced
 from stagectl.runtime_folder import runtime_folder, short_name
+from stagectl.service import shutdown_signals
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
 from stagectl.units import StageError
 from stagectl.web.limits import ANSWER_TIME, MOTION_TIME, STOP_ANSWER, STOP_LOOK, STOPPED
@@ -71,12 +72,19 @@ def _group(path: Path) -> str:
 def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, patience: float | None = None) -> Any:
     """The answer to a request; a service that is stuck is not waited for, but for a motion, or `patience` (s).
 
-    Who interrupts a motion stops its axis.
+    Who interrupts a motion, or ends the process that waits for it, stops its axis.
     Raises RefusedError with the service's reason, ControlError where there is none to ask, StageError where the
     operator has stopped it.
     """
+    moves = what.partition("?")[0] in MOTIONS
     if patience is None:
-        patience = MOTION_TIME if what.partition("?")[0] in MOTIONS else ANSWER_TIME
+        patience = MOTION_TIME if moves else ANSWER_TIME
+    with shutdown_signals.interrupting() if moves else contextlib.nullcontext():
+        return _asked(path, method, what, body, patience)
+
+
+def _asked(path: Path, method: str, what: str, body: dict[str, Any] | None, patience: float) -> Any:
+    """See `ask`."""
     link = _UnixConnection(path, patience)
     try:
         content = None if body is None else json.dumps(body)

@@ -1,20 +1,24 @@
-"""Ctrl-C during a motion on the service: the axis is stopped, or it is said that it may go on."""
+"""Ctrl-C, SIGTERM or SIGHUP during a command of the service: what it began is stopped, or it is said to go on."""
 
 from __future__ import annotations
 
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from stagectl.problem import ProblemKind
+from stagectl.recording.hdf5 import open_recording
+from stagectl.service import shutdown_signals
 from stagectl.units import StageError
 from stagectl.web import client
+from stagectl.web.client import RefusedError
 from tests.problems import refused
-from tests.service.serving import Served, served
+from tests.service.serving import Served, served, within
 
 SLOW = "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 100}"
 
@@ -26,17 +30,90 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield service
 
 
-@pytest.mark.parametrize("verb", ["move", "follow"])
-def test_the_operator_stops_the_axis_with_the_command(machine: Served, tmp_path: Path, verb: str) -> None:
+@pytest.mark.parametrize(
+    ("verb", "number"),
+    [
+        ("move", signal.SIGINT),
+        ("follow", signal.SIGINT),
+        ("move", signal.SIGTERM),
+        ("follow", signal.SIGTERM),
+        ("move", signal.SIGHUP),
+    ],
+)
+def test_the_end_of_the_command_stops_the_axis(
+    machine: Served, tmp_path: Path, verb: str, number: signal.Signals
+) -> None:
     (tmp_path / "slow.yaml").write_text(SLOW)
     words = {"move": ["--by", "20 mm", "--speed", "0.2 mm/s"], "follow": [str(tmp_path / "slow.yaml")]}[verb]
     command = [sys.executable, "-m", "stagectl", verb, *words, "--socket", str(machine.socket)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         machine.until(lambda axis: axis["state"] == "moving")
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, err = process.communicate(timeout=60)
     assert (process.returncode, machine.axis()["state"]) == (130, "standing"), err
     assert "stopped" in err and "nothing else has changed" not in err
+
+
+def recording(machine: Served, *words: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "stagectl", "record", *words, "--socket", str(machine.socket)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def going_on(machine: Served) -> bool:
+    return any(file["going_on"] for file in machine.ask("GET", "recordings"))
+
+
+def begun(machine: Served, path: Path) -> subprocess.Popen[str]:
+    process = recording(machine, "-o", str(path), "--name", f"{path.parent.name}-{path.stem}")
+    assert within(120.0, lambda: going_on(machine))
+    time.sleep(1.0)  # an interrupt in the middle of an import ends a process by the signal, whatever is caught
+    return process
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_end_of_the_command_ends_its_recording(machine: Served, tmp_path: Path, number: signal.Signals) -> None:
+    with begun(machine, tmp_path / "r.h5") as process:
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert not going_on(machine)
+    assert open_recording(tmp_path / "r.h5").complete
+
+
+def test_another_command_ends_a_recording(machine: Served, tmp_path: Path) -> None:
+    first = begun(machine, tmp_path / "r.h5")
+    with refused(RefusedError) as caught:
+        machine.ask("POST", "recordings", axis="", name="", before=0.0, seconds=1.0)
+    assert "stagectl record --end --axis axis" in str(caught.value)
+    with recording(machine, "--end", "-o", str(tmp_path / "ended.h5")) as other:
+        other.communicate(timeout=60)
+    first.communicate(timeout=60)
+    assert (first.returncode, other.returncode, going_on(machine)) == (0, 0, False)
+    assert len(open_recording(tmp_path / "ended.h5").samples) == len(open_recording(tmp_path / "r.h5").samples)
+
+
+def test_only_the_first_signal_interrupts() -> None:
+    """`timeout` sends it twice: the second must not cut off the stop that the first has caused."""
+    seen = []
+    with shutdown_signals.interrupting():
+        for number in (signal.SIGTERM, signal.SIGTERM, signal.SIGHUP):
+            try:
+                signal.raise_signal(number)
+            except KeyboardInterrupt:
+                seen.append(number)
+    assert seen == [signal.SIGTERM]
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_signal_that_is_ignored_stays_so() -> None:
+    """As under `nohup`: whoever wants a motion to outlive the terminal says so."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with shutdown_signals.interrupting():
+            signal.raise_signal(signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_a_stop_that_is_not_delivered_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
