@@ -116,7 +116,7 @@ def size(error: NDArray[np.float64]) -> dict[str, float | None]:
 
 
 def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
-    """Whether the run ended without a fault, standing within the window for the whole dwell.
+    """Whether the run ended without a fault, standing within the window for the whole dwell; without rows nobody knows.
 
     Where the loop is open at the end there is no target position: then whether the run ended without a fault.
     """
@@ -126,4 +126,4 @@ def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
     near = np.abs(tracking_error(samples, meta)[last]) <= allowed
     near |= ~closed(samples)[last]
     whole = samples["time"][-1:] >= meta["duration"]
-    return bool(whole.all() and near.all() and np.all(samples["fault"] == Fault.NONE))
+    return bool(len(samples) and whole.all() and near.all() and np.all(samples["fault"] == Fault.NONE))

@@ -83,6 +83,25 @@ def test_a_disk_that_becomes_full(tmp_path: Path, expected: Any) -> None:
     assert 0 < kept < len(expected) and result["lost_rows"] == recording.lost_rows == len(expected) - kept
     assert run.returncode == 1  # a script must not go on with it
     assert recording.complete and recording.gaps == ((kept, recording.lost_rows),)
-    assert f"{recording.lost_rows} rows" in " ".join(err.split())
+    assert f"{recording.lost_rows} of {len(expected)} rows" in " ".join(err.split())
     for column in COLUMNS:
         assert np.array_equal(recording.samples[column], expected[column][:kept]), column
+
+
+def test_a_disk_that_is_full_from_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No row is kept: the run says so, and has no position, no error and no traceback."""
+    with drive(STAGE, tmp_path / "bus"):
+        run, recorder = begun(STAGE, tmp_path)
+        size = (tmp_path / "r.h5").stat().st_size
+        resource.prlimit(recorder, resource.RLIMIT_FSIZE, (size, size))
+        out, err = run.communicate(timeout=120)
+    if len(open_recording(tmp_path / "r.h5").samples):
+        pytest.skip("the first rows came before the limit")
+    result = json.loads(out)
+    assert run.returncode == 1 and "Traceback" not in err
+    assert result["lost_rows"] == result["cycles"] > 0
+    assert not result["in_position"] and result["tracking_error"]["peak"] is None
+    report = stagectl("report", tmp_path / "r.h5")
+    assert report.returncode == 2 and f"{result['lost_rows']} of {result['lost_rows']} rows" in " ".join(
+        report.stderr.split()
+    )

@@ -218,7 +218,9 @@ def record_of(recording: Recording) -> MotionRecord:
     """A recording with what it achieved, where its columns tell."""
     whole = set(rollout.COLUMNS) <= set(recording.samples.dtype.names or ())
     known = whole and {"steady", "duration", "nm"} <= set(recording.meta)
-    return MotionRecord(recording, evaluate(recording.samples, recording.meta) if known else {})
+    if not known:
+        return MotionRecord(recording)
+    return MotionRecord(recording, {**evaluate(recording.samples, recording.meta), "lost_rows": recording.lost_rows})
 
 
 def _range(column: Array) -> tuple[str, str]:

@@ -155,7 +155,8 @@ def run(
     ).summary
     if not result["interrupted"]:
         console.print(summary(result))
-        console.print(f"recorded: {result['recording']}")
+        if result["cycles"] > result["lost_rows"]:  # else the file holds nothing
+            console.print(f"recorded: {result['recording']}")
         if result["fault"]:
             console.print(f"next, once that is fixed: {typed()}")
     emit(result, json, result["in_position"] and not result["lost_rows"])  # half a recording must not pass for one

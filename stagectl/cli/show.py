@@ -199,7 +199,11 @@ def summary(result: dict[str, Any]) -> str:
 def _achieved(result: dict[str, Any]) -> str:
     """How the axis moved."""
     from stagectl.evaluation import after_start
+    from stagectl.recording.in_memory import lacking
 
+    lost = result.get("lost_rows", 0)
+    if lost and result["tracking_error"]["peak"] is None:
+        return f"nobody knows how it went, as {lacking(lost, result['cycles'] - lost)}"
     if result["open_loop"]:
         low, high = (length(end, result["unit"]) for end in result["travelled"])
         return f"the loop was open; the axis moved from {low} to {high}, peak current {result['peak_current']:.3g} A"

@@ -15,6 +15,11 @@ from stagectl.recording.file_lock import RecordingError
 from stagectl.units import Quantity, quantity_of
 
 
+def lacking(lost: int, rows: int) -> str:
+    """Rows that are missing, of `rows` that there are and `lost` ones, in words; empty where all are there."""
+    return f"the disk did not take {lost} of {lost + rows} rows" if lost else ""
+
+
 class Recording(NamedTuple):
     """A recording in memory."""
 
@@ -29,8 +34,10 @@ class Recording(NamedTuple):
     def filled(self, what: str) -> Recording:
         """The recording itself, where it holds rows.  Raises RecordingError where there is nothing to `what`."""
         if not len(self.samples):
-            reason = f"{self.path} holds no rows: there is nothing to {what}; {self.ended or 'record it again'}"
-            raise RecordingError(reason, self.path, ProblemKind.MISSING)
+            reason = f"{self.path} holds no rows: there is nothing to {what}"
+            lost = lacking(self.lost_rows, 0)
+            why = f"{lost}: make room (see `df -h`), and record it again" if lost else self.ended or "record it again"
+            raise RecordingError(f"{reason}; {why}", self.path, ProblemKind.MISSING)
         return self
 
     def column(self, name: str) -> NDArray[np.float64]:

@@ -40,7 +40,7 @@ def page(recording: Recording, commands: Sequence[str]) -> Page:
     """The page of a recording, of a machine or simulated.  Raises RecordingError for one that was imported."""
     check_ran(recording, "law and no tracking error to report")
     samples, meta = recording.filled("report").samples, recording.meta
-    result = evaluation.evaluate(samples, meta)
+    result = {**evaluation.evaluate(samples, meta), "lost_rows": recording.lost_rows}
     return Page(
         f"{result['stage']}: {result['trajectory']}",
         tables.answer(result, samples),

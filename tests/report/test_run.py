@@ -11,9 +11,13 @@ import pytest
 
 import stagectl as sc
 from stagectl.api.record import MotionRecord
+from stagectl.evaluation import evaluate
+from stagectl.problem import ProblemKind
+from stagectl.recording.hdf5 import RecordingError
 from stagectl.report.panels import picture
-from stagectl.report.run import _panels
+from stagectl.report.run import _panels, page
 from tests.conftest import CONFIG
+from tests.problems import refused
 
 FORTH = "type: trapezoid\ndistance: 20 mm\nvelocity: 50 mm/s\nacceleration: 0.5 m/s^2\n"
 
@@ -72,3 +76,15 @@ def test_the_page_holds_each_row(tmp_path: Path) -> None:
     np.testing.assert_allclose(error, lines[0].y, rtol=1e-6)
     np.testing.assert_allclose(np.linspace(*curve["x"]), samples["time"], atol=1e-9)
     assert len(json.dumps(curve)) < 6 * len(samples) + 200
+
+
+def test_a_report_says_which_rows_the_disk_did_not_take() -> None:
+    """The run did not end early: its last rows are missing."""
+    run = simulated(CONFIG / "trajectories" / "sine-1.6hz.yaml").recording
+    kept = run._replace(samples=run.samples[:300], lost_rows=len(run.samples) - 300)
+    assert f"{kept.lost_rows} of {len(run.samples)} rows" in page(kept, []).answer
+    assert kept.lost_rows > 0 and "ended before" not in page(kept, []).answer
+    empty = kept._replace(samples=run.samples[:0], lost_rows=len(run.samples))
+    with refused(RecordingError, kind=ProblemKind.MISSING):
+        page(empty, [])
+    assert not evaluate(empty.samples, empty.meta)["in_position"]

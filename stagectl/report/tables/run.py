@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stagectl.drives.drive import Fault
 from stagectl.evaluation import after_start
 from stagectl.number_format import length
+from stagectl.recording.in_memory import lacking
 from stagectl.report.page import Table
 
 
@@ -20,12 +21,16 @@ def answer(result: dict[str, Any], samples: NDArray[Any]) -> str:
     if fault is not None:
         at = float(samples["time"][np.flatnonzero(samples["fault"] != Fault.NONE)[0]])
         return f"Stopped after {at:.3g} s: {fault.name.lower().replace('_', ' ')}."
+    lost = lacking(result.get("lost_rows", 0), len(samples))
+    if lost and error["peak"] is None:
+        return f"{lost[0].upper()}{lost[1:]}, and without them nobody knows how it went."
     if result["open_loop"]:
         low, high = (length(end, unit) for end in result["travelled"])
         return f"The loop was open; the axis moved from {low} to {high}."
     if error["peak"] is None:
         return "The run ended before the window in which its error is taken."
-    stands = "" if result["in_position"] else " At the end the axis did not come to stand in position."
+    stands = "" if result["in_position"] or lost else " At the end the axis did not come to stand in position."
+    stands += f" But {lost}." if lost else ""
     after = "".join(f"; {words}" for words in filter(None, [after_start(result)]))
     return f"The stage tracks within {length(error['peak'], unit)}, rms {length(error['rms'], unit)}{after}.{stands}"
 
