@@ -10,7 +10,9 @@ from __future__ import annotations
 import enum
 import hmac
 import os
+import re
 import secrets
+import shlex
 import stat
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -19,11 +21,13 @@ from urllib.parse import urlsplit
 
 from starlette.responses import JSONResponse
 
+from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.service.axis_controller import ServiceError
-from stagectl.web.limits import LEAST_SECRET, SECRET_BYTES
+from stagectl.web.limits import LEAST_SECRET, MOST_SECRET, SECRET_BYTES
 
 PUBLIC = ("/", "/page/")  # the page itself: nothing of the machine is in it
 _HOME = ("localhost", "127.0.0.1", "::1")
+_SECRET = re.compile(r"[!-~]+")  # what a header can carry as one word
 _READING = ("GET", "HEAD", "OPTIONS")
 _FULL = "all seats of your kind are taken: close other connections; `stagectl stop` needs no seat"
 
@@ -126,19 +130,31 @@ def _no(status: int, words: str) -> JSONResponse:
 def secret(path: Path) -> str:
     """The secret in a file that only its owner can read; a new one where there is no file.
 
-    Raises ServiceError where others can read it.
+    Raises ServiceError where others can read it, or it holds something else: whoever names the wrong file must not be
+    led to remove it.
     """
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as file:
             file.write(secrets.token_urlsafe(SECRET_BYTES) + "\n")
+    text = _written(path)
     if stat.S_IMODE(path.stat().st_mode) & 0o077:
-        raise ServiceError(f"other users can read {path}: remove it, and the next start writes a new one")
-    text = path.read_text(encoding="utf-8").strip()
-    if len(text) < LEAST_SECRET:
-        raise ServiceError(
-            f"{path} holds {len(text)} characters; a token has at least {LEAST_SECRET}: "
-            "remove it, and restart the service"
-        )
+        words = f"other users can read {path}, and with its token may use the service"
+        remedy = f"run `chmod 600 {shlex.quote(str(path))}`"
+        raise ServiceError(Problem(words, ProblemKind.FILE, remedy=f"{remedy}, then start again", file=path))
     return text
+
+
+def _written(path: Path) -> str:
+    """The one word of a token file.  Raises ServiceError for any other file."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(MOST_SECRET + 1).decode("ascii").strip()
+        if _SECRET.fullmatch(text) and LEAST_SECRET <= len(text) < MOST_SECRET:
+            return text
+        why = f"it must hold one word of {LEAST_SECRET} to {MOST_SECRET} characters, without spaces, and nothing else"
+    except (OSError, UnicodeDecodeError) as error:
+        why = why_unread(error)
+    remedy = "name another file; one that does not exist is made, with a new token"
+    raise ServiceError(Problem(f"{path} is no token file: {why}", ProblemKind.FILE, remedy=remedy, file=path))

@@ -23,6 +23,7 @@ RECORDED = 3600.0  # s that a recording takes where the request does not say
 # Keys (`access_control`).
 SECRET_BYTES = 32  # random bytes of a new key: 256 bits
 LEAST_SECRET = 16  # characters of a key that somebody else wrote
+MOST_SECRET = 256  # characters, with its line end; a longer file is another file
 
 # The live connection (`viewer`, `routes`, `server`).
 KEY_TIME = 10.0  # s for the first message, which holds the key

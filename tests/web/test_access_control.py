@@ -10,8 +10,10 @@ from typing import Any
 
 import pytest
 
+from stagectl.problem import ProblemKind
 from stagectl.service.axis_controller import ServiceError
 from stagectl.web.access_control import Answer, Keys, Permission, by_key, guarded, same_site, secret
+from tests.problems import refused
 
 TOKEN, KEY = "t" * 43, "k" * 43
 KEYS = Keys(TOKEN, KEY, token_moves=False)
@@ -109,9 +111,19 @@ def test_a_secret_is_its_owners(tmp_path: Path) -> None:
     assert secret(path) == first
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     os.chmod(path, 0o640)
-    with pytest.raises(ServiceError, match="other users can read"):
+    with refused(ServiceError, kind=ProblemKind.FILE, file=path) as caught:
         secret(path)
-    path.write_text("short")
-    os.chmod(path, 0o600)
-    with pytest.raises(ServiceError, match="holds 5 characters"):
+    assert "chmod 600" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["short", "", "axis:\n  lead: 12 mm\n", "x" * 300, "\N{MICRO SIGN}" * 40])
+@pytest.mark.parametrize("mode", [0o600, 0o644])
+def test_a_file_that_holds_no_token_is_left_alone(tmp_path: Path, text: str, mode: int) -> None:
+    """It may be the stage file, named in the wrong place: nobody must be told to remove it."""
+    path = tmp_path / "stage.yaml"
+    path.write_text(text)
+    os.chmod(path, mode)
+    with refused(ServiceError, kind=ProblemKind.FILE, file=path) as caught:
         secret(path)
+    assert "no token file" in str(caught.value) and "remove" not in str(caught.value)
+    assert path.read_text() == text
