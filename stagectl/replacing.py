@@ -59,6 +59,20 @@ def check_is_folder(path: Path) -> None:
         raise StageError(Problem(f"{path} is a file and no folder", ProblemKind.FILE, remedy=remedy, file=path))
 
 
+def check_folder_to_be(path: Path) -> None:
+    """Raises StageError where this folder cannot be made or written into, before the work whose results go there."""
+    check_is_folder(path)
+    there = next(place for place in (path.absolute(), *path.absolute().parents) if place.exists())
+    if not there.is_dir():
+        why = f"{there} is a file where a folder is needed"
+    elif not os.access(there, os.W_OK | os.X_OK):
+        why = f"you may not write into {there}"
+    else:
+        return
+    remedy = "name another folder"
+    raise StageError(Problem(f"{path} cannot be written: {why}", ProblemKind.FILE, remedy=remedy, file=path))
+
+
 def left_as_it_is(path: Path, why: str) -> StageError:
     """The error for a file that is not replaced, and `why`."""
     remedy = "name another file, or move this one away"

@@ -19,7 +19,7 @@ from stagectl.recording.export_targets import SUFFIXES
 from stagectl.recording.exports import WRITERS, export, write_columns
 from stagectl.recording.hdf5 import open_recording, save
 from stagectl.recording.learned_current import Learned
-from stagectl.replacing import JSON, PAGE, check_replaceable, replaced, write_text
+from stagectl.replacing import JSON, PAGE, check_folder_to_be, check_replaceable, replaced, write_text
 from stagectl.units import StageError
 from tests.conftest import CONFIG, Command
 from tests.problems import refused
@@ -174,3 +174,16 @@ def test_a_folder_of_captures_takes_the_place_of_no_file(recording: Path) -> Non
     mine.write_text(BY_HAND)
     with refused(StageError, kind=ProblemKind.FILE, file=mine):
         export([open_recording(recording)], "folder", mine)
+
+
+@pytest.mark.parametrize("name", ["a.yaml", "a.yaml/sub/folder", "shut/sub"])
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    (tmp_path / "a.yaml").write_text("name: a")
+    (tmp_path / "shut").mkdir()
+    monkeypatch.setattr(os, "access", lambda place, _: Path(place) != tmp_path / "shut")  # root may do anything
+    with refused(StageError, kind=ProblemKind.FILE, file=tmp_path / name):
+        check_folder_to_be(tmp_path / name)
+    check_folder_to_be(tmp_path / "new" / "folder")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", "shut"]

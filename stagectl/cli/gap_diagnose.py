@@ -13,6 +13,7 @@ from stagectl.cli.show import console, emit, single_threaded_algebra, typed, typ
 from stagectl.extras import require
 from stagectl.named_values import pairs
 from stagectl.problem import Problem, ProblemKind
+from stagectl.replacing import PAGE, check_folder_to_be, check_replaceable
 from stagectl.units import StageError
 
 _EXAMPLE = "kind=rotary,force_constant=0.05,inertia=1e-4"
@@ -76,6 +77,16 @@ def _values(model: str | None) -> dict[str, float | str] | str | None:
     return values
 
 
+def _check_places(target: Path, predictions: Path | None, page: Path) -> None:
+    """Raises StageError where a result cannot be put, before the diagnosis takes its minutes."""
+    from stagectl.report.page import check_name
+
+    check_name(page)
+    check_replaceable(page, PAGE)
+    for place in filter(None, (target, predictions, page.parent)):
+        check_folder_to_be(place)
+
+
 def diagnose(
     folder: Folder,
     json: Json = None,
@@ -98,10 +109,10 @@ def diagnose(
     import stagectl as sc
     from stagectl.cli.gap_show import show
     from stagectl.gap.result.result_json import save
-    from stagectl.report.page import check_name, write
+    from stagectl.report.page import write
 
-    if report is not None:
-        check_name(report)
+    target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
+    _check_places(target, predictions, report or target / "diagnosis.html")
     answer = sc.diagnose(
         folder,
         stage=None if stage is None else sc.load_stage(stage),
@@ -112,7 +123,6 @@ def diagnose(
         doubtful=doubtful,
         progress=True,
     )
-    target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
     target.mkdir(parents=True, exist_ok=True)
     stored = save(answer.diagnosis, target)
     if predictions is not None:

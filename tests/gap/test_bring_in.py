@@ -64,6 +64,16 @@ def test_one_command_does_it(log: Path, command: Command) -> None:
     assert (out / "diagnosis.html").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize("option", ["-o", "--predictions"])
+def test_results_that_have_no_place_are_refused_before_the_work(
+    log: Path, command: Command, monkeypatch: pytest.MonkeyPatch, option: str
+) -> None:
+    """A diagnosis takes minutes, and was lost at its end."""
+    monkeypatch.setattr("stagectl.diagnose", lambda *_, **__: pytest.fail("the diagnosis has begun"))
+    code, _, err = command("gap", "diagnose", log, option, log)
+    assert code == 2 and str(log) in err
+
+
 def test_a_log_without_a_machine_is_refused(log: Path) -> None:
     with pytest.raises(LogError) as refused:
         load([log], said=Description(COLUMNS))
