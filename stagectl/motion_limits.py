@@ -15,6 +15,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.feedforward import Foreseen
 from stagectl.kernels.jit import table
+from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import Trajectory, TrajectoryError, peaks
 from stagectl.units import StageError, factor, parse, unit_in
@@ -66,6 +67,33 @@ def check_current(setup: Setup, amplitude: float) -> None:
         reason = f"the experiment's amplitude is {amplitude:g} A"
         problem = Problem(reason, ProblemKind.LIMIT, "drive.current_limit", f"{limit:g} A", "A")
         raise LimitError(_unmoved(problem, "lower the amplitude"), amplitude, limit)
+
+
+def beyond_current(setup: Setup, rows: NDArray[np.float64]) -> str:
+    """What to say before a motion of these `rows` (n, 8), where its feedforward alone takes more than the drive gives.
+
+    Empty elsewhere.  It is not refused: the feedback makes up for what lacks for a short time, and the model may err.
+    """
+    limit, scale, unit = setup.file.drive.current_limit, setup.file.axis.travel_per_unit, setup.file.axis.travel_unit
+    feedforward, speed = (rows[:, SETPOINT_COLUMNS[name]] for name in ("feedforward", "velocity"))
+    worst = int(np.argmax(np.abs(feedforward)))
+    if not (needed := abs(float(feedforward[worst]))) > limit:
+        return ""
+    at = f"at {worst * setup.dt:.3g} s, {abs(speed[worst]) * scale:.3g} {unit}/s"
+    takes = f"by the model this motion takes up to {needed:.3g} A without its friction ({at})"
+    cause = f"the axis cannot follow while that is more than drive.current_limit, {limit:g} A"
+    return f"{takes}: {cause}; {_slower(setup, abs(float(speed[worst])))}"
+
+
+def _slower(setup: Setup, speed: float) -> str:
+    """What the current gives at this speed (rad/s | m/s): what to change."""
+    p, axis = setup.stage, setup.file.axis
+    scale, unit, viscous = axis.travel_per_unit, axis.travel_unit, p.mechanics.viscous
+    left = p.drive.current_limit * p.motor.force_constant - stage.sliding(p.friction) - abs(p.mechanics.bias)
+    most = (left - viscous * speed) / p.mechanics.inertia
+    if most > 0.0:
+        return f"take an acceleration of at most {most * scale:.2g} {unit}/s^2"
+    return f"lower the speed, too: the current carries the axis at no more than {left / viscous * scale:.3g} {unit}/s"
 
 
 def _unmoved(problem: Problem, remedy: str) -> Problem:

@@ -15,7 +15,7 @@ from stagectl import plan as plans
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels import law
-from stagectl.motion_limits import LimitError
+from stagectl.motion_limits import LimitError, beyond_current
 from stagectl.plan import LONGEST, SETTLE, Plan, command_delay, foresee, plan
 from stagectl.problem import ProblemKind
 from stagectl.trajectories import Dwell, Experiment, Recorded, Sequence, Sine, Trajectory, TrajectoryError, Trapezoid
@@ -182,3 +182,12 @@ def test_the_longest_that_is_laid_out(ball_screw: Setup, monkeypatch: pytest.Mon
     planned(ball_screw, Dwell(0.128))
     with refused(LimitError, key="duration", needed=0.1281, allowed=0.128):
         planned(ball_screw, Dwell(0.1281))
+
+
+def test_a_motion_that_takes_more_than_the_current_is_told_beforehand(ball_screw: Setup) -> None:
+    """The limits of speed and acceleration alone do not tell; what is advised must then pass."""
+    for speed, acceleration in ((0.28, 4.9), (0.1, 4.9), (0.1, 0.8)):
+        beyond = planned(ball_screw, Trapezoid(0.05, speed, acceleration, 0.1)).setpoints
+        assert "drive.current_limit, 15 A" in beyond_current(ball_screw, beyond)
+    within = planned(ball_screw, Trapezoid(0.05, 0.1, 0.48, 0.1)).setpoints
+    assert beyond_current(ball_screw, within) == ""

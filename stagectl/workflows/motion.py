@@ -24,11 +24,12 @@ from stagectl.drives.drive import Canopen, Fault, accepted
 from stagectl.evaluation import evaluate
 from stagectl.gap.effects.library import left_out
 from stagectl.kernels.law import Setpoint
-from stagectl.motion_limits import check_noticeable
+from stagectl.motion_limits import beyond_current, check_noticeable
 from stagectl.plan import Plan, Start, plan
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.file_lock import sweep
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, repair
+from stagectl.recording.in_memory import lacking
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
 from stagectl.service.single_motion import Ended, Motion, Progress, move
@@ -133,6 +134,8 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     """
     _check_wire(motion.setup, say)
     _repair(motion.recording.parent, say)
+    if words := beyond_current(motion.setup, motion.plan.setpoints):
+        say(words)
     with drive_present(motion.setup, say):
         ended = move(motion, progress)
     for line in _conditions(ended):
@@ -188,9 +191,9 @@ def _lacks(ended: Ended, recording: Recording) -> str:
     """Rows that were not recorded, in words."""
     if not ended.recorded:
         return f"the recorder stopped before the motion did: {recording.path} is incomplete; check the disk with `df`"
-    if recording.lost_rows:
-        lost = f"the disk did not take {recording.lost_rows} rows"
-        return f"{lost}: {recording.path} marks the gaps"
+    if lost := lacking(recording.lost_rows, len(recording.samples)):
+        holds = "marks the gaps" if len(recording.samples) else "holds none"
+        return f"{lost}: {recording.path} {holds}; make room (see `df -h`), then type the same command"
     return ""
 
 
