@@ -6,6 +6,11 @@ from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
 
+def names_of(options: list[str] | None) -> list[str]:
+    """Names from options that may each hold several."""
+    return [name.strip() for text in options or () for name in text.split(",") if name.strip()]
+
+
 def pairs(option: str, text: str, form: str, example: str) -> dict[str, str]:
     """The entries of ``a=1,b=2``, the text of an `option` whose entries are of this `form`, such as ``NAME=VALUE``.
 

@@ -7,7 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.extras import require
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
+
+_MOST_PORTS = 65535
 
 
 def tcp_port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
@@ -41,6 +44,10 @@ def unit_port(tcp: str) -> tuple[str, int] | None:
 
 def _address(option: str, text: str, usual: int) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
-    if not colon or not port.isdigit() or not 0 < int(port) < 65536:
+    if not colon or not port.isdigit():
         raise StageError(f"{option} {text}; must be HOST:PORT, such as 127.0.0.1:{usual}")
+    if not 0 < int(port) <= _MOST_PORTS:
+        interval, remedy = f"[1, {_MOST_PORTS}]", f"usual is {usual}"
+        problem = Problem("", ProblemKind.RANGE, f"{option} {text}: port", port, "", interval, remedy=remedy)
+        raise StageError(problem)
     return host, int(port)

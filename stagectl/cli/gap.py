@@ -9,12 +9,12 @@ import typer
 
 from stagectl.cli import gap_apply, gap_diagnose, gap_next, gap_twin
 from stagectl.cli.comparison import Simulate, engine
-from stagectl.cli.gap_diagnose import names
 from stagectl.cli.motion import Channel, Json, Plant, StageArgument
 from stagectl.cli.show import console, deliver, emit
 from stagectl.cli.show import progress as bar
 from stagectl.cli.studies import add
 from stagectl.extras import require
+from stagectl.named_values import names_of
 
 Folder = Annotated[
     Path | None,
@@ -73,7 +73,7 @@ def record(
     from stagectl.workflows.trials import Shown
 
     machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
-    experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), names(only), names(skip))
+    experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), names_of(only), names_of(skip))
     folder = output or unused(f"gap-{stage.stem}")
     chosen_seed = (machine.plant or machine.setup).file.simulation.seed if seed is None else seed
     campaign = many.planned(machine, experiments, repeats, folder, chosen_seed)

@@ -55,11 +55,6 @@ Output = Annotated[
 ]
 
 
-def names(options: list[str] | None) -> list[str]:
-    """Names from options that may each hold several."""
-    return [name.strip() for text in options or () for name in text.split(",") if name.strip()]
-
-
 def _values(model: str | None) -> dict[str, float | str] | str | None:
     """The values of `--model`, numbers as such, or its file.  Raises StageError where an entry is not NAME=VALUE."""
     if model is None or model.partition("#")[0].endswith(".xml"):

@@ -16,10 +16,12 @@ from stagectl.cli.show import console, emit, progress
 from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.service import shutdown_signals
 from stagectl.units import Quantity, StageError
+from stagectl.web.limits import REACHED_BACK
 
 _LOOK = 0.1  # s between two looks at a recording
 _LONGEST = 86400.0  # s of a recording without an end
-_FOR, _PAST = Quantity("s", f"(0, {_LONGEST:g}]", "duration"), Quantity("s", f"[0, {_LONGEST:g}]", "time before now")
+_FOR = Quantity("s", f"(0, {_LONGEST:g}]", "duration")
+_PAST = Quantity("s", f"[0, {REACHED_BACK:g}]", "time before now")
 
 
 def record(

@@ -17,6 +17,7 @@ from stagectl.api.arguments import quantity, terminal
 from stagectl.cli.motion import Json
 from stagectl.cli.service import AxisName, Socket, ask_service
 from stagectl.cli.show import console, emit
+from stagectl.named_values import names_of
 from stagectl.number_format import duration, length
 from stagectl.units import Quantity
 
@@ -52,7 +53,7 @@ def scope(
     from stagectl.web.capture_client import trigger as read
     from stagectl.web.client import RefusedError, default_socket
 
-    names = channels or ["error", "measured_current"]
+    names = names_of(channels) or ["error", "measured_current"]
     once = once or json is not None
     wanted = read(trigger) if trigger else None
     request = {

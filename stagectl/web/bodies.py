@@ -9,7 +9,8 @@ from typing import Any
 
 from fastapi import HTTPException
 from fastapi.routing import APIRoute
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic_core import PydanticCustomError
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse
 
@@ -26,20 +27,47 @@ class Strict(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _known(cls, given: Any) -> Any:
+        """Refuse unknown keys with those that there are: pydantic's own error does not know them."""
+        odd = [key for key in given if key not in cls.model_fields] if isinstance(given, dict) else []
+        if odd:
+            told = {"odd": ", ".join(map(str, odd)), "known": ", ".join(cls.model_fields)}
+            raise PydanticCustomError("unknown_key", "{odd} is not known here; known are {known}", told)
+        return given
+
 
 _WORDS = {
     "extra_forbidden": "is not known here; GET /openapi.json says what is",
-    "json_invalid": "the body is not JSON from this character on",
+    "json_invalid": "the body is not JSON from this character on: names and texts need double quotes",
+    "bool_type": "must be true or false, without quotes",
+    "float_type": "must be a number, without quotes or unit",
     "dict_type": 'must be an object, such as {"x": "5 mm"}',
     "string_type": 'must be text, a quantity with its unit, such as "5 mm"',
-    "model_attributes_type": "must be a JSON object, such as {...}",
+    "model_attributes_type": "must be a JSON object: keys and values in braces",
     "missing": "is missing",
+}
+_BOUNDS = {
+    "greater_than": "must be above {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be below {lt:g}",
+    "less_than_equal": "must be at most {le:g}",
 }
 
 
 def wrong(details: Iterable[Mapping[str, Any]]) -> str:
     """What pydantic found wrong with a message, each entry with its place."""
-    return "; ".join(f"{'.'.join(map(str, one['loc']))}: {_WORDS.get(one['type'], one['msg'])}" for one in details)
+    return "; ".join(map(_wrong_entry, details))
+
+
+def _wrong_entry(one: Mapping[str, Any]) -> str:
+    bound = _BOUNDS.get(one["type"])
+    words = bound.format_map(one["ctx"]) if bound else _WORDS.get(one["type"], one["msg"])
+    if one["type"] == "json_invalid":  # its place is a character, not a key
+        return f"{one['loc'][0]}, character {one['loc'][-1] + 1}: {words}"
+    shown = f" = {one['input']:g}" if bound else ""
+    return f"{'.'.join(map(str, one['loc']))}{shown}: {words}"
 
 
 class _JsonRequest(Request):

@@ -182,6 +182,8 @@ MISTAKES = [
     (f"simulate beyond.yaml {T}", "limits.travel = [10, 50] mm; the motion begins 10 mm outside", 2),
     ("identify least-squares config/linear-slider.yaml exported.csv", "exported.csv has measured_rad", 2),
     ("record --for -1s", "must lie in (0,", 2),
+    ("record --before 2h", "must lie in [0,", 2),
+    (f"serve {S} --tcp 0.0.0.0:99999", "must lie in [1, 65535]", 2),
     (f"tune 30Hz {S}", "takes STAGE.yaml alone: give `--bandwidth 30Hz`", 2),
     (f"gap close {T} {S}", "gap close` takes STAGE.yaml alone", 2),
     (f"gap record out {S}", "give `-o out`", 2),

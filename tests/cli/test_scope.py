@@ -67,6 +67,7 @@ def test_channels_are_listed(machine: Served, command: Command) -> None:
     ("words", "code", "said"),
     [
         (["nothing", "--once"], 1, "channel nothing;"),
+        (["error,nothing", "--once"], 1, "channel nothing;"),  # several may stand in one word
         (["error", "--trigger", "big", "--once"], 2, "must be CHANNEL > LEVEL"),
         (["error", "--trigger", "error > 1 A", "--once"], 1, "trigger level 1 A; must be a number in m"),
         (["error", "--span", "1 m", "--once"], 2, "--span 1 m"),

@@ -107,3 +107,19 @@ def test_a_slash_at_the_end_is_another_path_and_says_which_is_meant(service: Ser
 def test_an_entry_is_named_in_words() -> None:
     details = [{"loc": ("body", "position"), "type": "extra_forbidden", "msg": "Extra inputs are not permitted"}]
     assert wrong(details) == "body.position: is not known here; GET /openapi.json says what is"
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "error"),
+    [
+        ("/v1/move", b'{"position": "5 mm"}', "position is not known here; known are to, by, speed"),
+        ("/v1/recordings", b'{"for": 1}', "for is not known here; known are axis, name, before, seconds"),
+        ("/v1/recordings", b'{"seconds": 0}', "body.seconds = 0: must be above 0"),
+        ("/v1/recordings", b'{"before": 7200}', "body.before = 7200: must be at most 3600"),
+        ("/v1/move", b'{"to": {}, "wait": "yes"}', "body.wait: must be true or false"),
+        ("/v1/move", b"{targets: 5}", "body, character 2: "),
+    ],
+)
+def test_a_body_that_is_wrong_says_what_is_admissible(service: Service, path: str, body: bytes, error: str) -> None:
+    answer = answered(application(service), "POST", path, body, content_type="application/json")
+    assert answer.status in (400, 422) and error in answer.error

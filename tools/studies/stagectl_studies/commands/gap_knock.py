@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli.gap_diagnose import Folder, Full, StageFile, names
+from stagectl.cli.gap_diagnose import Folder, Full, StageFile
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, progress, single_threaded_algebra
+from stagectl.named_values import names_of
 
 Into = Annotated[
     list[str] | None, typer.Option("--into", metavar="NAMES", help="Forces to add, separated by commas; default: all.")
@@ -51,7 +52,7 @@ def knock(
     from stagectl_studies import knock_out
 
     session = folders.load(folder, load_stage(stage) if stage is not None else None)
-    forces = names(into) or list(knock_out.FORCES)
+    forces = names_of(into) or list(knock_out.FORCES)
     waiting = knock_out.out(session) if only is not Way.IN else []
     waiting += knock_out.into(session, forces, share) if only is not Way.OUT else []
     options, table = pipeline.Options(full=full, advice=False), Table("knocked", "way", "named", "verdict", "right")
