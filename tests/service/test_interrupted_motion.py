@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import signal
 import subprocess
 import sys
@@ -21,6 +22,22 @@ from tests.problems import refused
 from tests.service.serving import Served, served, within
 
 SLOW = "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 100}"
+
+
+def started(machine: Served, *words: str) -> subprocess.Popen[str]:
+    """A command that hears SIGHUP, also where the tests themselves run under `nohup`."""
+    command = [sys.executable, "-m", "stagectl", *words, "--socket", str(machine.socket)]
+    hears = functools.partial(signal.signal, signal.SIGHUP, signal.SIG_DFL)
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hears)
+
+
+def ended(process: subprocess.Popen[str]) -> str:
+    """What it wrote on standard error; one that does not end is killed, and the test fails."""
+    try:
+        return process.communicate(timeout=60)[1]
+    except subprocess.TimeoutExpired:
+        process.kill()
+        raise
 
 
 @pytest.fixture(scope="module")
@@ -45,18 +62,12 @@ def test_the_end_of_the_command_stops_the_axis(
 ) -> None:
     (tmp_path / "slow.yaml").write_text(SLOW)
     words = {"move": ["--by", "20 mm", "--speed", "0.2 mm/s"], "follow": [str(tmp_path / "slow.yaml")]}[verb]
-    command = [sys.executable, "-m", "stagectl", verb, *words, "--socket", str(machine.socket)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+    with started(machine, verb, *words) as process:
         machine.until(lambda axis: axis["state"] == "moving")
         process.send_signal(number)
-        _, err = process.communicate(timeout=60)
+        err = ended(process)
     assert (process.returncode, machine.axis()["state"]) == (130, "standing"), err
     assert "stopped" in err and "nothing else has changed" not in err
-
-
-def recording(machine: Served, *words: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "stagectl", "record", *words, "--socket", str(machine.socket)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def going_on(machine: Served) -> bool:
@@ -64,7 +75,7 @@ def going_on(machine: Served) -> bool:
 
 
 def begun(machine: Served, path: Path) -> subprocess.Popen[str]:
-    process = recording(machine, "-o", str(path), "--name", f"{path.parent.name}-{path.stem}")
+    process = started(machine, "record", "-o", str(path), "--name", f"{path.parent.name}-{path.stem}")
     assert within(120.0, lambda: going_on(machine))
     time.sleep(1.0)  # an interrupt in the middle of an import ends a process by the signal, whatever is caught
     return process
@@ -74,7 +85,7 @@ def begun(machine: Served, path: Path) -> subprocess.Popen[str]:
 def test_the_end_of_the_command_ends_its_recording(machine: Served, tmp_path: Path, number: signal.Signals) -> None:
     with begun(machine, tmp_path / "r.h5") as process:
         process.send_signal(number)
-        _, err = process.communicate(timeout=60)
+        err = ended(process)
     assert process.returncode == 0, err
     assert not going_on(machine)
     assert open_recording(tmp_path / "r.h5").complete
@@ -85,9 +96,9 @@ def test_another_command_ends_a_recording(machine: Served, tmp_path: Path) -> No
     with refused(RefusedError) as caught:
         machine.ask("POST", "recordings", axis="", name="", before=0.0, seconds=1.0)
     assert "stagectl record --end --axis axis" in str(caught.value)
-    with recording(machine, "--end", "-o", str(tmp_path / "ended.h5")) as other:
-        other.communicate(timeout=60)
-    first.communicate(timeout=60)
+    with started(machine, "record", "--end", "-o", str(tmp_path / "ended.h5")) as other:
+        ended(other)
+    ended(first)
     assert (first.returncode, other.returncode, going_on(machine)) == (0, 0, False)
     assert len(open_recording(tmp_path / "ended.h5").samples) == len(open_recording(tmp_path / "r.h5").samples)
 
