@@ -23,7 +23,7 @@ def not_hdf5(path: Path) -> str:
     if is_hdf5(path):
         return "is an HDF5 file, but damaged; copy it again"
     if _is_text(path):
-        return f"holds text and is no HDF5 file; if it is a log, rename it to {path.with_suffix('.csv').name}"
+        return f"holds text and is no HDF5 file; if it is a log, give it the name {path.with_suffix('.csv').name}"
     return "is no HDF5 file; give a recording of stagectl (.h5), or a log as .csv or .mat"
 
 

@@ -198,7 +198,7 @@ def test_a_broken_folder_is_refused(tmp_path: Path, text: str, kind: ProblemKind
 
 
 def test_a_folder_needs_its_list(tmp_path: Path) -> None:
-    with refused(StageError, kind=KIND.FILE, file=tmp_path / "captures.yaml"):
+    with refused(StageError, kind=KIND.MISSING, file=tmp_path):
         read(tmp_path)
 
 

@@ -89,9 +89,14 @@ def test_its_end_is_told_and_disturbs_nothing(machine: Served) -> None:
     assert machine.axis()["state"] == "disabled"
 
 
-@pytest.mark.parametrize("text", ["8765", "localhost:none", "127.0.0.1:99999"])
-def test_where_it_cannot_listen(tmp_path: Path, text: str) -> None:
-    words = ["serve", "config/ball-screw.yaml", "--foxglove", text, "--socket", str(tmp_path / "s")]
-    done = subprocess.run([sys.executable, "-m", "stagectl", *words], cwd=ROOT, capture_output=True, text=True)
+_FORM = "must be HOST:PORT, such as 127.0.0.1:8765"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [("8765", _FORM), ("localhost:none", _FORM), ("127.0.0.1:99999", "must lie in [1, 65535]")]
+)
+def test_where_it_cannot_listen(tmp_path: Path, text: str, words: str) -> None:
+    line = ["serve", "config/ball-screw.yaml", "--foxglove", text, "--socket", str(tmp_path / "s")]
+    done = subprocess.run([sys.executable, "-m", "stagectl", *line], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 2
-    assert "must be HOST:PORT, such as 127.0.0.1:8765" in " ".join(done.stderr.split())
+    assert words in " ".join(done.stderr.split())

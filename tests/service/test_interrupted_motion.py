@@ -103,7 +103,16 @@ def test_another_command_ends_a_recording(machine: Served, tmp_path: Path) -> No
     assert len(open_recording(tmp_path / "ended.h5").samples) == len(open_recording(tmp_path / "r.h5").samples)
 
 
-def test_only_the_first_signal_interrupts() -> None:
+@pytest.fixture
+def unhandled() -> Iterator[None]:
+    """No handler of another test's command, nor of the program that runs the tests."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_only_the_first_signal_interrupts(unhandled: None) -> None:
     """`timeout` sends it twice: the second must not cut off the stop that the first has caused."""
     seen = []
     with shutdown_signals.interrupting():
