@@ -47,17 +47,14 @@ def simulate(
     if friction is not None:
         _takes_three(friction)
     designed = as_stage(stage)
-    motion = _laid_out(designed.setup, trajectory, switched_off(without, designed.compensator), None, learned)
+    commanded = as_trajectory(trajectory).bound(designed.setup)
+    motion = _laid_out(designed.setup, commanded, switched_off(without, designed.compensator), None, learned)
     machine = None if plant is None else as_stage(plant).setup
     if seed is not None:
         machine = workflow.reseeded(machine or designed.setup, seed)
     recording = simulated_motion.simulated(motion, machine, friction=friction)
-    notes = tuple(_slow(designed.setup, trajectory))
+    notes = tuple(unreached(commanded.experiment, designed.setup.file.axis.travel_unit))
     return MotionRecord(recording, simulated_motion.simulated_result(motion, recording), notes)
-
-
-def _slow(setup: Setup, trajectory: TrajectoryLike) -> list[str]:
-    return unreached(as_trajectory(trajectory).bound(setup).experiment, setup.file.axis.travel_unit)
 
 
 def _takes_three(friction: FrictionLaw) -> None:
@@ -100,9 +97,10 @@ def run(
 
     place = None if recording is None else Path(recording)
     designed = as_stage(stage)
-    motion = _laid_out(designed.setup, trajectory, switched_off(without, designed.compensator), place, learned)
+    commanded = as_trajectory(trajectory).bound(designed.setup)
+    motion = _laid_out(designed.setup, commanded, switched_off(without, designed.compensator), place, learned)
     motion = motion._replace(reset_fault=reset_fault)
-    for words in _slow(designed.setup, trajectory):
+    for words in unreached(commanded.experiment, designed.setup.file.axis.travel_unit):
         heard(f"note: {words}")
     if twin or twin_record is not None:
         motion = _with_twin(motion, twin_record, heard)
@@ -113,9 +111,12 @@ def run(
 
 
 def _laid_out(
-    setup: Setup, trajectory: TrajectoryLike, without: frozenset[str], recording: Path | None, learned: PathLike | None
+    setup: Setup,
+    commanded: workflow.Commanded,
+    without: frozenset[str],
+    recording: Path | None,
+    learned: PathLike | None,
 ) -> Motion:
-    commanded = as_trajectory(trajectory).bound(setup)
     return workflow.lay_out(setup, commanded, without, recording, None if learned is None else Path(learned))
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from stagectl.recording.constants import SHOWN_CELLS
 
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # HDF5 specification, superblock
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # HDF5 specification, superblock
 _HEAD = 4096  # bytes that tell text from other content
 
 
 def is_hdf5(path: Path) -> bool:
     """Whether a file begins as HDF5 does."""
-    return _head(path).startswith(_SIGNATURE)
+    return _head(path).startswith(HDF5_SIGNATURE)
 
 
 def not_hdf5(path: Path) -> str:

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from stagectl.kernels import rollout
 from stagectl.problem import ProblemKind, absent
 from stagectl.recording.constants import BLOCK, GAPS, LONGEST_REASON, ROOM_AT_ONCE, ROOM_PER_BLOCK
-from stagectl.recording.content import foreign, not_hdf5
+from stagectl.recording.content import HDF5_SIGNATURE, foreign, not_hdf5
 from stagectl.recording.file_lock import RecordingError as RecordingError
 from stagectl.recording.file_lock import beginning, being_written, claimed
 from stagectl.recording.in_memory import Recording as Recording
@@ -43,7 +43,7 @@ from stagectl.replacing import check_ending, check_is_file, check_replaceable
 from stagectl.units import StageError
 
 FORMAT, _READ = "stagectl-recording/2", ("stagectl-recording/1", "stagectl-recording/2")
-_HDF5, _HEAD = b"\x89HDF\r\n\x1a\n\x03", struct.Struct("<12s16xQ")  # signature and version 3; the end of the file
+_HDF5, _HEAD = HDF5_SIGNATURE + b"\x03", struct.Struct("<12s16xQ")  # signature and version 3; the end of the file
 _CUT_OFF = "the recorder was cut off: the rows end at its last block"
 
 

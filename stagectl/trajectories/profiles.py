@@ -64,11 +64,6 @@ class Trapezoid(NamedTuple):
         return contained(lambda s: _moves(self, self._phases, s), t, self.duration, self.end)
 
     @property
-    def top_speed(self) -> float:
-        """The highest speed that a move reaches (m/s)."""
-        return max(self._phases.velocity)
-
-    @property
     def _phases(self) -> _Phases:
         distance = abs(self.distance)
         speed = min(self.velocity, math.sqrt(distance * self.acceleration))
@@ -104,11 +99,6 @@ class SCurve(NamedTuple):
     def at(self, t: npt.ArrayLike) -> Motion:
         """Motion at the times `t` (n,) s."""
         return contained(lambda s: _moves(self, self._phases, s), t, self.duration, self.end)
-
-    @property
-    def top_speed(self) -> float:
-        """The highest speed that a move reaches (m/s)."""
-        return max(self._phases.velocity)
 
     @property
     def _phases(self) -> _Phases:
@@ -156,6 +146,11 @@ def _legs(p: Trapezoid | SCurve) -> int:
 
 def _end(p: Trapezoid | SCurve) -> float:
     return p.cycles * p.distance if p.one_way else 0.0
+
+
+def top_speed(p: Trapezoid | SCurve) -> float:
+    """The highest speed that a move reaches (m/s)."""
+    return max(p._phases.velocity)
 
 
 def _moves(p: Trapezoid | SCurve, phases: _Phases, t: Array) -> Motion:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stagectl.number_format import length
-from stagectl.trajectories.profiles import SCurve, Trapezoid
+from stagectl.trajectories.profiles import SCurve, Trapezoid, top_speed
 
 _FAR_BELOW = 0.2  # of the velocity; chosen: a short move that is a triangle comes closer
 
@@ -11,7 +11,7 @@ _FAR_BELOW = 0.2  # of the velocity; chosen: a short move that is a triangle com
 def unreached(motion: object, unit: str) -> list[str]:
     """A note on each such move in a trajectory; `unit` is that of its travel."""
     if isinstance(motion, Trapezoid | SCurve):
-        top = motion.top_speed
+        top = top_speed(motion)
         return [_words(motion, top, f"{unit}/s")] if top < _FAR_BELOW * motion.velocity else []
     return list(dict.fromkeys(words for part in getattr(motion, "parts", ()) for words in unreached(part, unit)))
 

@@ -196,10 +196,9 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     for _ in range(thresholds.BASELINE_STEPS):
         if family.chosen is None:
             family = with_best(family, state.residuals, own)
-        after = _stepped(prior, runs, noise, state, family, own)
-        if after is state:
+        state, gain = _stepped(prior, runs, noise, state, family, own)
+        if not gain:
             break
-        state = after
     moving_all = (*free, *family.bristles)
     return BaselineFit(state.model, noise, moving_all, family.products, before, state.residuals, prior, family.chosen)
 
@@ -211,8 +210,8 @@ class _State(NamedTuple):
 
 def _stepped(
     prior: Prior, runs: Sequence[Run], noise: Whitener, now: _State, family: Family, own: Sequence[str]
-) -> _State:
-    """One Gauss-Newton step, or the share of it that brings the model closer to the data; `now` where none does."""
+) -> tuple[_State, float]:
+    """One Gauss-Newton step, or the share of it that lowers the cost, and by how much; `now` where none does."""
     g, names = gram_matrices.fold_sums(family.products, now.residuals), [*own, *family.names]
     weight = priors.temper(g, names, prior)
     limits, informed = prior.limits(now.model, names), prior.informed(now.model, names)

@@ -57,8 +57,7 @@ def _stepped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> tuple[
         model = _bent(baseline_fit.moved(fit.model, move, member, fit.prior.dt), move)
         return fit._replace(model=model, after=residuals_of(model, runs, fit.noise))
 
-    best = priors.shortened(step, after, cost, fit)
-    return best, cost(fit) - cost(best)
+    return priors.shortened(step, after, cost, fit)
 
 
 def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:

@@ -176,11 +176,14 @@ def bounded_step(
 
 def shortened(
     step: Mapping[str, float], moved: Callable[[dict[str, float]], _Model], cost: Callable[[_Model], float], now: _Model
-) -> _Model:
-    """`moved` by the whole `step` or by the first share of it that costs less than `now`; `now` where none does."""
+) -> tuple[_Model, float]:
+    """`moved` by the whole `step` or by the first share of it that costs less than `now`, and by how much less.
+
+    `now` and 0 where none does.
+    """
     before = cost(now)
     for share in thresholds.STEP_SHARES:
         after = moved({name: share * value for name, value in step.items()})
-        if cost(after) < before:
-            return after
-    return now
+        if (remaining := cost(after)) < before:
+            return after, before - remaining
+    return now, 0.0

@@ -146,8 +146,7 @@ def _step(e: Evidence, now: Fitted) -> _Step:
         sizes = sum((value / width) ** 2 for value, width in _informed(f).values())
         return weight * f.residual_sum_of_squares + prior.cost(f.model, nuisance) + sizes
 
-    best = priors.shortened(step.move, after, cost, now)
-    return _Step(best, cost(now) - cost(best), step.promised)
+    return _Step(*priors.shortened(step.move, after, cost, now), step.promised)
 
 
 def nuisances(e: Evidence) -> list[str]:
