@@ -230,10 +230,11 @@ def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path) -> 
     assert recording.samples["fault"][-1] == 0 or recording.samples["fault"][-1] == 14
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_the_command_alone_is_told_even_where_it_inherits_signals_as_ignored(tmp_path: Path, number: int) -> None:
     """A shell's background process ignores SIGINT, and Python then raises no KeyboardInterrupt."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    hung_up = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # also where the tests run under `nohup`
     try:
         with drive(STAGE, tmp_path / "bus"):
             run = start_moving(tmp_path, "told.h5")
@@ -241,6 +242,7 @@ def test_the_command_alone_is_told_even_where_it_inherits_signals_as_ignored(tmp
             assert run.wait(timeout=60) == 130
     finally:
         signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGHUP, hung_up)
     assert open_recording(tmp_path / "told.h5").complete
 
 

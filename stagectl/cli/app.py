@@ -12,9 +12,7 @@ import importlib
 import inspect
 import os
 import shlex
-import signal
 import sys
-import threading
 from keyword import iskeyword
 from typing import Annotated, Any, NoReturn
 
@@ -26,6 +24,7 @@ from stagectl.cli import INTERRUPTED
 from stagectl.cli.streams import Verb, keep_closed
 from stagectl.cli.usage import usage_error
 from stagectl.problem import ProblemKind, remedy_of
+from stagectl.service.shutdown_signals import interrupting
 from stagectl.units import StageError
 
 # Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each holds.
@@ -197,25 +196,17 @@ def _run() -> object:
 
     A callback from C swallows an interrupt, as in numba's compiler, whose next step then fails: that is one, too.
     """
-    verbs, before, seen = application(*sys.argv[1:2]), signal.getsignal(signal.SIGINT), list[int]()
-    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
-        return verbs(standalone_mode=False)
-
-    def interrupt(number: int, _: object) -> NoReturn:
-        seen.append(number)
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, interrupt)
-    sys.unraisablehook = _unless_interrupted
-    try:
-        return verbs(standalone_mode=False)
-    except Exception as error:
-        if seen and not isinstance(error, StageError | OSError | typer.TyperException | typer.Abort):
-            return INTERRUPTED
-        raise
-    finally:
-        signal.signal(signal.SIGINT, before)
-        sys.unraisablehook = sys.__unraisablehook__
+    verbs = application(*sys.argv[1:2])
+    with interrupting() as came:
+        sys.unraisablehook = _unless_interrupted
+        try:
+            return verbs(standalone_mode=False)
+        except Exception as error:
+            if came and not isinstance(error, StageError | OSError | typer.TyperException | typer.Abort):
+                return INTERRUPTED
+            raise
+        finally:
+            sys.unraisablehook = sys.__unraisablehook__
 
 
 def _unless_interrupted(lost: sys.UnraisableHookArgs) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 from typing import Annotated
 
@@ -116,7 +115,6 @@ def engine(simulate: bool) -> None:
     """Compiled kernels where runs are simulated, else none in this process."""
     if not simulate:
         without_compiler()
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
         return
     from stagectl.kernels.jit import cold
 

@@ -140,7 +140,6 @@ def run(
     from stagectl.kernels.jit import interpret_first
 
     interpret_first(_UNLOADED)  # a plain motion needs no compiler in memory; the inverse of a whole model does
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
     result = sc.run(
         noted(stage, without).on_channel(channel),
         sc.load_trajectory(trajectory),
@@ -216,13 +215,14 @@ def virtual_drive(
     from stagectl.config.wire import canopen, on_channel, with_machine_of_the_day
     from stagectl.drives.drive import Odrive
     from stagectl.realtime.scheduling import follow_parent
+    from stagectl.service.shutdown_signals import heard
     from stagectl.service.virtual_drive import serve, serve_odrive
     from stagectl.workflows.motion import reseeded
 
     if follow:
         follow_parent()
     stopped: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in heard():
         signal.signal(number, lambda number, _: stopped.append(number))
     setup = on_channel(load_stage(stage), channel)
     if seed is not None:

@@ -14,7 +14,6 @@ from stagectl.cli.motion import Json
 from stagectl.cli.service import AxisName, Socket, ask_service
 from stagectl.cli.show import console, emit, progress
 from stagectl.problem import Problem, ProblemKind, why_unread
-from stagectl.service import shutdown_signals
 from stagectl.units import Quantity, StageError
 from stagectl.web.limits import REACHED_BACK
 
@@ -52,12 +51,11 @@ def record(
     seconds = quantity("for", time_, _FOR, "it such as '10 s'") if time_ else _LONGEST
     past = quantity("before", before, _PAST, "it such as '2 s'")
     body = {"axis": axis, "name": name, "before": past, "seconds": seconds}
-    with shutdown_signals.interrupting():
-        recorded = _ended(axis, socket) if end else _recorded(body, bool(time_), socket)
-        result = {"axis": recorded["axis"], "recording": recorded["path"]}
-        if output is not None:
-            _fetched(recorded, output, socket)
-            result["recording"] = str(output)
+    recorded = _ended(axis, socket) if end else _recorded(body, bool(time_), socket)
+    result = {"axis": recorded["axis"], "recording": recorded["path"]}
+    if output is not None:
+        _fetched(recorded, output, socket)
+        result["recording"] = str(output)
     console.print(f"recorded: {result['recording']}")
     emit(result, json)
 

@@ -1,7 +1,8 @@
-"""The signals that end the service, from its first moment on, and those that end what a client has begun on it.
+"""The signals that end a command or the service: Ctrl-C, a stop or a time-out, a terminal or connection that is gone.
 
-It takes seconds to load, and then to start its processes; a signal must find it ready for an orderly end all that time.
-So the verb holds `STOPS` back at once, and the server lets them through as soon as it listens for them.
+A command takes each of them as an interrupt (`interrupting`): it stops what it has begun and says so.  The service
+takes seconds to load, and then to start its processes; a signal must find it ready for an orderly end all that time.
+So its verb holds `STOPS` back at once, and the server lets them through as soon as it listens for them.
 """
 
 from __future__ import annotations
@@ -15,8 +16,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import asyncio
 
-STOPS = (signal.SIGTERM, signal.SIGINT)
-_LEAVES = (signal.SIGTERM, signal.SIGHUP)  # the operator's terminal or connection is gone, or a time-out has come
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def heard() -> list[signal.Signals]:
+    """`STOPS`, but not SIGHUP where it is ignored, as under `nohup`."""
+    return [number for number in STOPS if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN]
 
 
 @contextlib.contextmanager
@@ -34,34 +39,35 @@ def stop_event() -> asyncio.Event:
     import asyncio
 
     stopped = asyncio.Event()
-    for number in STOPS:
+    for number in heard():
         asyncio.get_running_loop().add_signal_handler(number, stopped.set)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
     return stopped
 
 
 @contextlib.contextmanager
-def interrupting() -> Iterator[None]:
-    """Have SIGTERM and SIGHUP raise KeyboardInterrupt, as Ctrl-C does: what was begun must not go on unattended.
+def interrupting() -> Iterator[list[int]]:
+    """Have `STOPS` raise KeyboardInterrupt: what was begun must not go on unattended.  Yields the numbers that came.
 
-    Only the first does: a shell and `timeout` send them twice, and what the first one has caused must be carried out.
-    A signal that is ignored, as under `nohup`, or that a program handles itself, stays as it is.
+    Each Ctrl-C does; of the others the first: a shell and `timeout` send them twice, and what the first one has caused
+    must be carried out.  A signal that is ignored, as under `nohup`, or that a program handles itself, stays as it is.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    taken = [number for number in _LEAVES if signal.getsignal(number) is signal.SIG_DFL]
     came: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield came
+        return
 
     def interrupt(number: int, _: object) -> None:
         came.append(number)
-        if len(came) == 1:
+        if number == signal.SIGINT or len(came) == 1:
             raise KeyboardInterrupt
 
+    before = {number: signal.getsignal(number) for number in STOPS}
+    taken = [number for number in STOPS if before[number] in (signal.SIG_DFL, signal.default_int_handler)]
     for number in taken:
         signal.signal(number, interrupt)
     try:
-        yield
+        yield came
     finally:
         for number in taken:
-            signal.signal(number, signal.SIG_DFL)
+            signal.signal(number, before[number])

@@ -37,6 +37,7 @@ from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Child, Companion, running_companion, start
 from stagectl.service.job_from_stage import orders, post
+from stagectl.service.shutdown_signals import heard
 
 Progress = Callable[[int, int], None]  # (cycles done, cycles in all)
 
@@ -147,7 +148,7 @@ def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str
 
 @contextlib.contextmanager
 def _handing_on(loop: Child) -> Iterator[list[int]]:
-    """SIGINT and SIGTERM stop the axis, whatever goes on here; then the loop is heard out.  Yields those that came.
+    """What ends a command stops the axis, whatever goes on here; then the loop is heard out.  Yields what came.
 
     A KeyboardInterrupt can be lost, and a shell's background process inherits SIGINT as ignored.
     """
@@ -160,7 +161,7 @@ def _handing_on(loop: Child) -> Iterator[list[int]]:
         came.append(number)
         loop.signal(signal.SIGINT)
 
-    before = {number: signal.signal(number, hand_on) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, hand_on) for number in heard()}
     try:
         yield came
     finally:

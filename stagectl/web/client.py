@@ -16,7 +16,6 @@ from typing import Any
 from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.replacing import replaced
 from stagectl.runtime_folder import runtime_folder, short_name
-from stagectl.service import shutdown_signals
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
 from stagectl.units import StageError
 from stagectl.web.limits import ANSWER_TIME, MOTION_TIME, STOP_ANSWER, STOP_LOOK, STOPPED
@@ -79,12 +78,6 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, 
     moves = what.partition("?")[0] in MOTIONS
     if patience is None:
         patience = MOTION_TIME if moves else ANSWER_TIME
-    with shutdown_signals.interrupting() if moves else contextlib.nullcontext():
-        return _asked(path, method, what, body, patience)
-
-
-def _asked(path: Path, method: str, what: str, body: dict[str, Any] | None, patience: float) -> Any:
-    """See `ask`."""
     link = _UnixConnection(path, patience)
     try:
         content = None if body is None else json.dumps(body)
@@ -92,7 +85,7 @@ def _asked(path: Path, method: str, what: str, body: dict[str, Any] | None, pati
         answer = link.getresponse()
         result = json.loads(answer.read())
     except KeyboardInterrupt:
-        if what.partition("?")[0] not in MOTIONS:
+        if not moves:
             raise
         raise _interrupted(path, _axis_of(what, body or {})) from None
     except PermissionError as error:
