@@ -191,10 +191,14 @@ def _flat(capture: Capture, setup: Setup) -> list[Note]:
 
 
 def _position_step(position: Array) -> float:
-    """The step of which all position changes are multiples; 0 where there is none."""
+    """The step of which all position changes are multiples; 0 where there is none.
+
+    A change below the rounding of the positions themselves is none: every number is a multiple of it.
+    """
     steps = np.abs(np.diff(position[: thresholds.STEP_ROWS]))
+    rounding = float(np.spacing(np.abs(position).max())) / thresholds.WHOLE
     steps = steps[steps > 0.0]
-    if len(steps) < 10:
+    if len(steps) < 10 or steps.min() < rounding:
         return 0.0
     step = float(steps.min())
     return step if np.all(_whole(steps / step)) else 0.0

@@ -12,7 +12,7 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
-from stagectl.identification.capture_checks import implausible
+from stagectl.identification.capture_checks import implausible, suspicions
 from stagectl.identification.captures import CURRENTS, opened, prepared
 from stagectl.identification.methods import identify
 from stagectl.identification.result import Topic, topics
@@ -208,6 +208,16 @@ def test_the_step_of_the_positions_names_their_unit(columns: dict[str, Array], b
     (capture,) = prepared([recording(made)], ball_screw, doubtful=True)
     (note,) = [note for note in capture.notes if topics((note,)) == {Topic.UNITS}]
     assert "in mm where rad is named" in note
+
+
+def test_a_reference_comes_in_steps_only_where_it_was_measured(columns: dict[str, Array], ball_screw: Setup) -> None:
+    """A smooth start's first changes are far below the rounding of the positions: of such a step all are multiples."""
+    (capture,) = prepared([recording(columns)], ball_screw)
+    smooth = np.array(columns["measured"]) + 1e-9 * np.sin(np.arange(len(columns["measured"])))
+    start = 1e-3 * np.clip(np.arange(len(smooth)) / 4e4 - 1e-15, 0.0, 1.0) ** 10
+    swapped = capture._replace(position=smooth, reference=capture.position)
+    assert Topic.REFERENCE in topics(suspicions(swapped, ball_screw))
+    assert Topic.REFERENCE not in topics(suspicions(swapped._replace(reference=start), ball_screw))
 
 
 def test_a_flat_top_is_no_clipping_by_itself() -> None:
