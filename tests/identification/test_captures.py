@@ -214,7 +214,7 @@ def test_a_reference_comes_in_steps_only_where_it_was_measured(columns: dict[str
     """A smooth start's first changes are far below the rounding of the positions: of such a step all are multiples."""
     (capture,) = prepared([recording(columns)], ball_screw)
     smooth = np.array(columns["measured"]) + 1e-9 * np.sin(np.arange(len(columns["measured"])))
-    start = 1e-3 * np.clip(np.arange(len(smooth)) / 4e4 - 1e-15, 0.0, 1.0) ** 10
+    start = np.r_[0.0, 1e-45, 1e-3 * np.sin(1e-3 * np.arange(1, len(smooth) - 1))]
     swapped = capture._replace(position=smooth, reference=capture.position)
     assert Topic.REFERENCE in topics(suspicions(swapped, ball_screw))
     assert Topic.REFERENCE not in topics(suspicions(swapped._replace(reference=start), ball_screw))
