@@ -328,3 +328,32 @@ def test_the_benchmark_in_closed_loop() -> None:
     assert 0.002 < share < 0.008
     relative = float(np.linalg.norm(left) / np.linalg.norm(log.position))
     assert 1e-6 < relative < 1.3752e-4
+
+
+def _thinned(path: Path, source: Path, every: int, *left_out: str) -> Path:
+    """Every so many rows of a recording as another program would log them, without some of its columns."""
+    samples = open_recording(source).samples[::every]
+    columns = {"position_rad": "measured", "command_A": "command", "current_A": "measured_current"}
+    kept = {name: samples[ours] for name, ours in columns.items() if name not in left_out}
+    rows = np.column_stack([5e-4 * every * np.arange(len(samples)), *kept.values()])
+    np.savetxt(path, rows, delimiter=",", header=",".join(["time_s", *kept]), comments="")
+    return path
+
+
+def test_a_log_slower_than_the_loop_says_nothing_of_the_drive(recordings: list[Path], tmp_path: Path) -> None:
+    """Between its rows lie commands that it does not hold: what moves the axis is the measured current."""
+    setup = load_stage(CONFIG / "ball-screw.yaml")
+    slow, fast = (load([_thinned(tmp_path / f"{k}.csv", recordings[0], k)], setup) for k in (4, 1))
+    (log,), (whole,) = slow.logs, fast.logs
+    assert (log.held, log.commanded, whole.held, whole.commanded) == (False, False, True, True)
+    assert log.command is not None and log.current is not None
+    np.testing.assert_allclose(log.driving[:-1], 0.5 * (log.current[1:] + log.current[:-1]))
+    assert slow.stage.drive[:4] == (0.0, 0, math.inf, 0.0) and fast.stage.drive == setup.stage.drive
+    assert len(slow.cannot_tell) == len(fast.cannot_tell) + 1 and "control.period" in slow.cannot_tell[0]
+
+
+def test_a_delay_counts_control_periods_whatever_the_log(recordings: list[Path], tmp_path: Path) -> None:
+    setup = load_stage(CONFIG / "ball-screw.yaml")
+    late = setup.stage.drive.delay_samples * setup.dt
+    drive = load([_thinned(tmp_path / "slow.csv", recordings[0], 4, "current_A")], setup).stage.drive
+    assert (drive.delay_samples, drive.dead_time) == (0, pytest.approx(late)) and late < 2e-3

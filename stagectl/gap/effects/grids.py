@@ -21,7 +21,8 @@ WARMING_TIMES = (30.0, 100.0, 300.0, 1000.0)  # s
 MOST_STEP_TIMES = 24  # instants of the session at which a step of the friction is tried
 CABLE_SLIPS = (0.02, 0.05, 0.12, 0.3)  # of half the stroke
 BACKLASH_GAPS = (0.04, 0.1, 0.25, 0.6, 1.5)  # of the rolling zone
-COMPLIANCE_FREQUENCIES = (80.0, 120.0, 180.0, 270.0, 400.0, 600.0, 900.0, 1350.0)  # Hz
+# Hz; belts and robot joints ring at tens of Hz, a ball screw at hundreds.
+COMPLIANCE_FREQUENCIES = (8.0, 12.0, 18.0, 27.0, 40.0, 56.0, 80.0, 120.0, 180.0, 270.0, 400.0, 600.0, 900.0, 1350.0)
 BASE_FREQUENCIES = (8.0, 11.0, 15.0, 21.0, 29.0, 40.0, 55.0)  # Hz
 SAME_FREQUENCY = 0.05  # relative distance below which a base frequency of the grid is one that the logs show
 _ARCSECOND = 7.7e-7  # of a pitch of one turn

@@ -70,7 +70,7 @@ def _compliance(_: Scales) -> Parameters:
     return Parameters(
         (Amplitude("load_share", "", (0.3,), 0.0, 0.95),),
         (
-            Shape("resonance", "Hz", grids.COMPLIANCE_FREQUENCIES, True, 50.0, 2500.0),
+            Shape("resonance", "Hz", grids.COMPLIANCE_FREQUENCIES, True, 2.0, 2500.0),
             Shape("damping", "", (0.03,), True, 0.002, 1.0),
             Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
         ),

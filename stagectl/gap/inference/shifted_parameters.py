@@ -73,7 +73,7 @@ def _shifted(session: Session, shift: Shift, now: Fitted) -> FoundEffect:
 
 def _alternatives(session: Session, name: str) -> tuple[str, ...]:
     """What causes the same shift."""
-    unmeasured = any(log.current is None or log.command is None for log in session.logs)
+    unmeasured = any(log.current is None or not log.commanded for log in session.logs)
     data = Data.ONE_SPEED | Data.WITHOUT_CURRENT if unmeasured else Data.ONE_SPEED
     return tuple(sorted(library.look_alikes(name, data)))
 

@@ -24,14 +24,15 @@ from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
 from stagectl.gap.logs.repeats import Repeat, reconciled
 from stagectl.gap.logs.session import Array, Log, LogError, Session
 from stagectl.gap.logs.sources import Description, RawLog, read_logs
-from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD, SLIP_OF_TRAVEL, SLIP_STEPS
+from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD, SAME_STEP, SLIP_OF_TRAVEL, SLIP_STEPS, SLOWER_LOG
 from stagectl.kernels import friction
-from stagectl.kernels.stage import Drive, Stage
+from stagectl.kernels.stage import NO_COMMANDS, Drive, Stage
 from stagectl.number_format import duration
 from stagectl.parallel import in_parallel
 from stagectl.recording.columns import WITHOUT
 
 NOTHING_SAID = Description()
+MOST_ROWS_LATE = len(NO_COMMANDS) - 1  # that the model's delay lines hold
 
 
 def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = NOTHING_SAID) -> Session:
@@ -46,9 +47,11 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
     machine = nominal_setup(raw, stage)
     dt, period_notes = (machine.dt, []) if machine.dt else _period(raw)
     repeats, repeat_notes = reconciled([Repeat(log, _gridded(log, dt)) for log in raw])
-    machine = machine._replace(stage=_as_logged(machine.stage, repeats))
+    period = stage.file.control.period if stage is not None and not machine.dt else dt
     known = _known_setpoints(repeats, machine, dt)
-    finished = [_finished(repeat, rows, machine, dt) for repeat, rows in zip(repeats, known, strict=True)]
+    held = dt < SLOWER_LOG * period
+    finished = [_finished(repeat, rows, machine, dt, held) for repeat, rows in zip(repeats, known, strict=True)]
+    machine = machine._replace(stage=_as_logged(machine.stage, repeats, [log for log, _ in finished], (period, dt)))
     notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
     notes += [(log.name, note) for log, log_notes in finished for note in log_notes]
     doubts = [(log.name, doubt) for log, _ in finished for doubt in order_doubts(log.command, log.current, dt)]
@@ -66,15 +69,39 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
         nominal=machine.nominal,
         doubts=tuple(gathered(doubts, len(finished))),
     )
-    return session._replace(cannot_tell=undetermined(session, [repeat.log.start is not None for repeat in repeats]))
+    unseen = any(log.command is not None and not log.held for log in session.logs)
+    missing = [_between_rows(period, dt)] if unseen else []
+    started = [repeat.log.start is not None for repeat in repeats]
+    return session._replace(cannot_tell=(*missing, *undetermined(session, started)))
 
 
-def _as_logged(p: Stage, repeats: Sequence[Repeat]) -> Stage:
-    """`p` as far as the logs go: a current that is logged without a command has been through the drive already."""
-    columns = [repeat.grid.columns for repeat in repeats]
-    if all("current" in logged and "command" not in logged for logged in columns):
+def _between_rows(period: float, dt: float) -> str:
+    return (
+        f"the logs have a row every {duration(dt)}, the loop of the stage file a command every {duration(period)}: "
+        "what the drive makes of a command between two rows is not known, so the drive's effects cannot be judged; "
+        "log every period, or correct control.period if the loop was slower"
+    )
+
+
+def _as_logged(p: Stage, repeats: Sequence[Repeat], logs: Sequence[Log], periods: tuple[float, float]) -> Stage:
+    """`p` as far as the logs go, its delays in their rows; `periods` (s) are those of the loop and of the rows.
+
+    A measured current that stands in the place of a command has been through the drive already.
+    """
+    if all(log.current is not None and not log.commanded for log in logs):
         p = p._replace(drive=Drive(0.0, 0, math.inf, 0.0))
-    return _with_zone(p, repeats)
+    return _with_zone(_delayed_in_rows(p, *periods), repeats)
+
+
+def _delayed_in_rows(p: Stage, period: float, dt: float) -> Stage:
+    """`p` with the delay of its drive in rows of `dt` (s) and a rest in seconds, instead of in control periods."""
+    if abs(dt - period) < SAME_STEP * period:
+        return p
+    late = min(p.drive.delay_samples * period + p.drive.dead_time, MOST_ROWS_LATE * dt)
+    rows = math.floor(late / dt)
+    drive = p.drive._replace(delay_samples=rows, dead_time=late - rows * dt)
+    samples = min(round(p.encoder.delay_samples * period / dt), MOST_ROWS_LATE)
+    return p._replace(drive=drive, encoder=p.encoder._replace(delay_samples=samples))
 
 
 def _with_zone(p: Stage, repeats: Sequence[Repeat]) -> Stage:
@@ -155,8 +182,10 @@ def _setpoint_key(repeat: Repeat) -> tuple[bytes, ...]:
     return (str(grid.rows).encode(), *(part.tobytes() for part in (*grid.reference, injection)))
 
 
-def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: float) -> tuple[Log, list[str]]:
-    """A log of the session, and the notes on it."""
+def _finished(
+    repeat: Repeat, known: Array | None, machine: NominalSetup, dt: float, held: bool
+) -> tuple[Log, list[str]]:
+    """A log of the session, and the notes on it; `held` where no command comes between two rows."""
     log, grid = repeat
     limit = min(machine.stage.drive.current_limit, machine.law.current_limit if machine.law else math.inf)
     valid, notes = row_validity.row_validity(grid.columns, dt, limit, machine.stage.encoder.step)
@@ -175,6 +204,7 @@ def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: fl
         valid=valid,
         setpoints=known,
         exact=grid.exact,
+        held=held,
     )
     return finished, [*grid.notes, *notes]
 

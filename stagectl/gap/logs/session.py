@@ -59,11 +59,28 @@ class Log(NamedTuple):
     valid: NDArray[np.bool_]  # (n,) False in gaps, saturation and faults
     setpoints: Array | None = None  # (n, 8) of kernels.law.Setpoint; None: controller or reference not known
     exact: bool = True  # rows are the control periods themselves; else resampled onto them
+    held: bool = True  # a command holds until the next row; else the loop is faster than the log
 
     @property
     def rows(self) -> int:
         """Control periods in the log."""
         return len(self.position)
+
+    @property
+    def commanded(self) -> bool:
+        """Whether the command is what moves the axis, through the drive's model; else it is the measured current."""
+        return self.command is not None and (self.held or self.current is None)
+
+    @property
+    def driving(self) -> Array:
+        """The current (n,) A that moves the axis, held from each row to the next.
+
+        A measured current is not held: it is taken as straight between two rows, by its mean there.
+        """
+        if self.command is not None and self.commanded:
+            return self.command
+        assert self.current is not None  # the loader refuses logs without both
+        return 0.5 * (self.current + np.append(self.current[1:], self.current[-1:]))
 
 
 class Session(NamedTuple):

@@ -13,6 +13,7 @@ SAME_STEP = 0.01  # share by which the steps of a log may differ from the contro
 SCATTER = 0.02  # rms of the time stamps, of the period: above it rows are resampled
 NOTED_SCATTER = 1e-3  # rms of the time stamps, of the period: above it a note reports the scatter
 NOTED_DRIFT = 1e-4  # share by which two clocks may differ before a note reports it
+SLOWER_LOG = 1.5  # control periods of the stage file in a row: from here on commands lie between two rows
 GAP_STEPS = 3.5  # median steps: a longer step of a resampled column is a gap
 LEAST_ROWS = ROWS_TO_USE  # of a log
 LEAST_SPLINE = 6  # samples of a reference: a quintic spline needs as many

@@ -77,7 +77,7 @@ def _run(name: str, logs: Sequence[Log], dt: float, zone: float) -> Run:
     rows = min(log.rows for log in logs)
     paths = tuple(path._replace(rows=path.rows[:rows]) for path in (path_of(log, dt) for log in logs))
     still = standstills(mean_path(paths).rows[:, 1] if logs[0].reference is None else logs[0].reference[:rows], dt)
-    paths = tuple(at_rest(path, log.command is not None, still) for path, log in zip(paths, logs, strict=True))
+    paths = tuple(at_rest(path, log.commanded, still) for path, log in zip(paths, logs, strict=True))
     mean = mean_path(paths)
     valid = np.logical_and.reduce([log.valid[:rows] for log in logs])
     edge = round(thresholds.FILTER_EDGE / dt)

@@ -31,12 +31,9 @@ class ModelResidual(NamedTuple):
 
 
 def path_of(log: Log, dt: float) -> MeasuredPath:
-    """The path of one log; where no command was logged, the measured current takes its place."""
-    unknown = np.full(log.rows, np.nan)
-    command = log.current if log.command is None else log.command
-    current = unknown if log.command is None or log.current is None else log.current
-    assert command is not None  # the loader refuses logs without both
-    return MeasuredPath(np.column_stack([command, log.position, current]), log.start, dt)
+    """The path of one log; where the command is not known, the measured current takes its place."""
+    current = log.current if log.commanded and log.current is not None else np.full(log.rows, np.nan)
+    return MeasuredPath(np.column_stack([log.driving, log.position, current]), log.start, dt)
 
 
 def at_rest(path: MeasuredPath, commanded: bool, still: Spans) -> MeasuredPath:

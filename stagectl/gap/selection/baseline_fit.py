@@ -76,7 +76,7 @@ def directions(session: Session, model: TrackedModel, measured: bool) -> list[Di
         _mechanics("viscous", viscous),
         *(_weight(k, thresholds.WEIGHT_CHANGE * coulomb) for k in range(len(p.friction.operators.weight))),
     ]
-    if measured or all(log.command is None for log in session.logs):
+    if measured or not any(log.commanded for log in session.logs):
         step = thresholds.SHIFT_CHANGE * session.dt
         moving.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + step), step))
     else:

@@ -132,7 +132,7 @@ def scales(session: Session, runs: Sequence[Run], orders: Mapping[str, tuple[flo
         voltage=float(voltage.max()) if drive.back_emf > 0.0 else 0.0,
         delay=drive.delay_samples * session.dt + drive.dead_time,
         lag=drive.current_lag,
-        commanded=any(log.command is not None for run in runs for log in run.logs),
+        commanded=any(log.commanded for run in runs for log in run.logs),
         measured=any(log.current is not None for run in runs for log in run.logs),
         rotates=session.kind == ROTARY and session.travel_unit == "rad",
     )

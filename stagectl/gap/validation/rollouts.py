@@ -50,10 +50,8 @@ def of_log(session: Session, log: Log) -> Rollout:
 
 
 def start_of(session: Session, log: Log) -> LogStart:
-    """How `log` begins; its current is the command, or what was measured."""
-    current = log.current if log.command is None else log.command
-    assert current is not None  # the loader refuses logs without both
-    return log_start.of_log(log.position, current, log.start, session.dt)
+    """How `log` begins."""
+    return log_start.of_log(log.position, log.driving, log.start, session.dt)
 
 
 def simulated_log(session: Session, model: stage.Stage, log: Log, substeps: int = SUBSTEPS) -> Array:
