@@ -23,6 +23,7 @@ CABLE_SLIPS = (0.02, 0.05, 0.12, 0.3)  # of half the stroke
 BACKLASH_GAPS = (0.04, 0.1, 0.25, 0.6, 1.5)  # of the rolling zone
 # Hz; belts and robot joints ring at tens of Hz, a ball screw at hundreds.
 COMPLIANCE_FREQUENCIES = (8.0, 12.0, 18.0, 27.0, 40.0, 56.0, 80.0, 120.0, 180.0, 270.0, 400.0, 600.0, 900.0, 1350.0)
+BACKLASH_FREQUENCIES = (150.0, 800.0)  # Hz, of the drive train when the gap is closed
 BASE_FREQUENCIES = (8.0, 11.0, 15.0, 21.0, 29.0, 40.0, 55.0)  # Hz
 SAME_FREQUENCY = 0.05  # relative distance below which a base frequency of the grid is one that the logs show
 _ARCSECOND = 7.7e-7  # of a pitch of one turn

@@ -58,7 +58,7 @@ def _backlash(s: Scales) -> Parameters:
         (
             Shape("load_share", "", (0.3,), True, 0.02, 0.95),
             Shape("load_friction", "", (0.9, 0.4), True, 0.01, 1.0),
-            Shape("resonance", "Hz", (800.0,), True, 200.0, 2500.0),
+            Shape("resonance", "Hz", grids.BACKLASH_FREQUENCIES, True, 20.0, 2500.0),
             Shape("damping", "", (0.1,), True, 0.01, 1.0),
         ),
         lambda p, v: _with_load(p, v, backlash=v["gap"]) if v["gap"] > 0.0 else p,
@@ -94,6 +94,7 @@ def _base_vibration(s: Scales) -> Parameters:
         (Amplitude("ratio", "", (0.05,), 0.0, 1.0),),
         (Shape("frequency", "Hz", grid), Shape("damping", "", (0.03,), True, 0.002, 1.0)),
         filled("mechanics.base", ratio="ratio", frequency="frequency", damping="damping"),
+        resonant=True,
     )
 
 

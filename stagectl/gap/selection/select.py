@@ -18,15 +18,14 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
-from stagectl.gap.effects.effect import DRIVE
+from stagectl.gap.effects.effect import DRIVE, Definition
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.selection import candidates, constants, drive_alikes, linearised, refine, waves
+from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised
 from stagectl.gap.selection.material import adequate, explains, is_material, nearly_all, without
 from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.thresholds import RESONANT_STEPS
 
 Say = Callable[[str], None]
 
@@ -64,22 +63,24 @@ def _with_more(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     """`now` with the most probable set of effects; None where that is empty, or does not fit."""
     at = linearised.linearised(e, library, now)
     added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
-    after = _first_of(e, now, added, _grown(e, now, added))
+    after = _first_of(e, library, now, added, _grown(e, library, now, added))
     if after is not None and any(valued.effect.block != DRIVE for valued in added):
         left, predicted = linearised.excess(e, library, after), library.predicted(e, now)
         if predicted[0] and not adequate(at.excess[0], left[0], predicted[0]):
-            return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE])
+            return _grown(e, library, now, [valued for valued in added if valued.effect.block == DRIVE])
     return after
 
 
-def _first_of(e: Evidence, now: Fitted, added: Sequence[EffectValues], together: Fitted | None) -> Fitted | None:
+def _first_of(
+    e: Evidence, library: Library, now: Fitted, added: Sequence[EffectValues], together: Fitted | None
+) -> Fitted | None:
     """`now` with the one effect of `added` that explains nearly all that they explain `together`; else with all.
 
     A large effect bends: around the model without it, several small ones together look more like it than its column.
     """
     if together is None or len(added) < 2:
         return together
-    single = [fitted for fitted in (_grown(e, now, [valued]) for valued in added) if fitted is not None]
+    single = [fitted for fitted in (_grown(e, library, now, [valued]) for valued in added) if fitted is not None]
     best = min(single, key=lambda fitted: fitted.residual_sum_of_squares, default=together)
     gain, lost = (a.residual_sum_of_squares - together.residual_sum_of_squares for a in (now, best))
     return best if lost <= constants.ONE_OF_MANY * gain else together
@@ -95,7 +96,7 @@ def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     best, predicted = at.verdict.best(single), library.predicted(e, now)
     if not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
         return None
-    after = _grown(e, now, at.values(best))
+    after = _grown(e, library, now, at.values(best))
     if after is None:
         return None
     left = linearised.excess(e, library, after)
@@ -103,24 +104,37 @@ def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     return after if fits else None
 
 
-def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues]) -> Fitted | None:
+def _grown(e: Evidence, library: Library, now: Fitted, added: Sequence[EffectValues]) -> Fitted | None:
     """`now` with further effects, refined by simulation; None where there are none or they do not fit."""
     if not added:
         return None
-    places = [_resonant(e, now, valued) for valued in added]
-    after = refine.refine(e, now.model, joined(now.effects, places))
+    straight = [valued for valued in added if not _bends(valued.effect)]
+    bent = _starts(e, library, now) if len(straight) < len(added) else [None]
+    grown = [refine.refine(e, now.model, joined(now.effects, [*straight, *filter(None, [start])])) for start in bent]
+    after = min(grown, key=lambda fitted: fitted.residual_sum_of_squares)
     return after if after.residual_sum_of_squares < now.residual_sum_of_squares else None
 
 
-def _resonant(e: Evidence, now: Fitted, valued: EffectValues) -> EffectValues:
-    """Initial values of an effect: as they are, or the best place on the grid where its columns bend on the way."""
-    if not (valued.effect.resonant or valued.effect.nonlinear):
-        return valued
-    forms = candidates.forms([valued.effect])
-    places = [EffectValues(valued.effect, form.values(form.typical)) for form in forms]
-    refined = [refine.first_step(e, now.model, [*now.effects, place]) for place in places]
-    finite = [fitted for fitted in refined if np.isfinite(fitted.residual_sum_of_squares)]
-    return min(finite, key=lambda fitted: fitted.residual_sum_of_squares).effects[-1] if finite else valued
+def _starts(e: Evidence, library: Library, now: Fitted) -> list[EffectValues | None]:
+    """Of each effect whose columns bend on the way, the place on its grid from which few steps explain most.
+
+    Far from its values the column of a soft belt looks like that of a gap or of a base that moves: only fits tell.
+    """
+    present = {other.effect.name for other in now.effects}
+    best: dict[str, Fitted] = {}
+    for form in (form for form in library.forms if _bends(form.effect) and form.effect.name not in present):
+        effects, name = [*now.effects, EffectValues(form.effect, form.values(form.typical))], form.effect.name
+        sharp = form.effect.resonant
+        after = (
+            refine.refine(e, now.model, effects, RESONANT_STEPS) if sharp else refine.first_step(e, now.model, effects)
+        )
+        if after.residual_sum_of_squares < (best[name].residual_sum_of_squares if name in best else math.inf):
+            best[name] = after
+    return [fitted.effects[-1] for fitted in best.values()]
+
+
+def _bends(effect: Definition) -> bool:
+    return effect.resonant or effect.nonlinear
 
 
 def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> list[EffectValues]:
