@@ -22,6 +22,7 @@ from stagectl.recording.columns import (
     check_kind,
     check_once,
     choices,
+    header_unit,
     meaning,
     of_choices,
     parsed,
@@ -108,9 +109,8 @@ def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice])
 
 
 def _with_unit(choice: Choice, how: Layout, at: int) -> Choice:
-    """The choice of a column that its number names, with the unit that its header says."""
-    named = parsed(how.names[at]) if at < len(how.names) else None
-    return choice._replace(unit=choice.unit or (named[1] if named else ""))
+    """The choice of a column with the unit that its header says, where the choice says none."""
+    return choice._replace(unit=choice.unit or (header_unit(how.names[at]) if at < len(how.names) else ""))
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:
