@@ -42,6 +42,7 @@ def arrow() -> Any:
     """The package `pyarrow` with its CSV and Parquet.  Raises MissingExtraError."""
     require("tables", "a CSV or Parquet file")
     import pyarrow
+    import pyarrow.compute
     import pyarrow.csv
     import pyarrow.parquet
 

@@ -29,6 +29,7 @@ from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import runs
 from stagectl.gap.residuals.pitch_orders import modes, orders
+from stagectl.gap.residuals.thresholds import LONGEST_PERIOD
 from stagectl.gap.result.diagnosis import (
     BLOCKS,
     HELD_OUT,
@@ -58,6 +59,7 @@ from stagectl.gap.steps import Progress, Step, StepTimer
 from stagectl.gap.validation.validate import Validation, validate
 from stagectl.identification.thresholds import MOVED_STEPS
 from stagectl.kernels.stage import Stage, sliding
+from stagectl.number_format import duration
 
 
 class Options(NamedTuple):
@@ -143,6 +145,11 @@ def unidentifiable(session: Session) -> str:
         return (
             "no log holds a current or a command: without a force, no motion separates inertia from friction; log the "
             "current, or name its column"
+        )
+    if session.dt > LONGEST_PERIOD:
+        return (
+            f"rows come every {duration(session.dt)}, and no motion shows in rows that are more than "
+            f"{duration(LONGEST_PERIOD)} apart: record faster, or name the unit of the times"
         )
     least = MOVED_STEPS * session.stage.encoder.step
     if all(float(np.ptp(log.position)) <= least for log in training):

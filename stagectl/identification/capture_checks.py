@@ -26,6 +26,8 @@ from stagectl.units import LINEAR
 
 def suspicions(capture: Capture, setup: Setup) -> list[Note]:
     """Reasons against using the capture, for the user; empty where there are none."""
+    if words := wrong_units.by_pace(capture.dt):
+        return [Note(Topic.UNITS, words)]
     if float(np.ptp(capture.position)) <= thresholds.MOVED_STEPS * capture.encoder_step:
         span = float(np.ptp(capture.position))
         unit = "m" if setup.file.axis.kind == LINEAR else "rad"

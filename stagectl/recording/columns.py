@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stagectl.named_values import pairs
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.scales import Scales
+from stagectl.recording.scales import Scales, bases_of, is_unit
 from stagectl.units import LINEAR, ROTARY, StageError, factor
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ _CURRENTS = {
 MOTIONS = ("position", "velocity", "reference")  # in units that nobody guesses
 QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
 CHOICES = ("time", "position", "velocity", "current", "command", "reference", "injection")
-_HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z][A-Za-z .*·]*))?")
+_HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-zµμ°%‰][A-Za-zµμ .*·]*))?")
 _BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=3"
@@ -146,10 +146,17 @@ def parsed(name: str) -> tuple[str, str] | None:
     return (match[1], match[2] or "") if match else None
 
 
+def header_unit(name: str) -> str:
+    """The unit that a header says behind a quantity of ours or in brackets, as ``Achse 3 [Nm]``; empty where none."""
+    if (named := parsed(name)) and named[1]:
+        return named[1]
+    match = _BRACKETS.search(name.strip())
+    return match[1] if match and is_unit(match[1]) else ""
+
+
 def unit_of(choice: Choice) -> str:
     """The unit of a chosen column: as chosen, else as its name says; empty where neither does."""
-    named = parsed(choice.name.rsplit(".", 1)[-1])
-    return choice.unit or (named[1] if named else "")
+    return choice.unit or header_unit(choice.name.rsplit(".", 1)[-1])
 
 
 def _unit(choice: Choice, scales: Scales, path: Path) -> str:
@@ -169,11 +176,9 @@ def _unit(choice: Choice, scales: Scales, path: Path) -> str:
 def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
     """The kind of the axis by the units of its positions.  Raises RecordingError where they do not show it."""
     known = [unit for unit in units if unit]
-    for unit in known:
-        if unit in ("rad", "deg", "rev"):
-            return Scales(ROTARY, travel_unit="rad")
-        if unit in ("m", "mm", "um", "nm"):
-            return Scales(LINEAR)
+    for bases in map(bases_of, known):
+        if bases in ({"rad": 1}, {"m": 1}):
+            return Scales(ROTARY, travel_unit="rad") if "rad" in bases else Scales(LINEAR)
     what = f" from a position in {known[0]}" if known else ": no column is named position_<unit>"
     reason = (
         f"{path}: the kind of the axis is not known{what}; give --stage, or a position in rad, deg, m or mm, or "

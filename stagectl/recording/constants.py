@@ -85,6 +85,7 @@ CONFUSED = {  # units that are taken for each other: every pair, in both directi
 LEAST_RATIO = 10.0  # of two units: a smaller one may be a model that is wrong by a factor of three, twice
 SAME_RATIO = 1e-6  # relative difference of two ratios that are one, but for rounding
 SAME_STEP = 5e-3  # relative difference of a step from the one that a wrong unit makes of the encoder's or the period
+RARE_ROWS = 0.1  # s between rows: rarer ones hold no reversal, and are more likely in another unit of time
 MODEL_FITS, MODEL_DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
 MUCH_BETTER = 0.45  # times the unexplained share as recorded: a ratio of two units is not found by chance
 MOTION_BAND = 0.02  # cycles a sample: the motion is below, noise above

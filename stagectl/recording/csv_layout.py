@@ -13,6 +13,7 @@ from stagectl.problem import ProblemKind
 from stagectl.recording.constants import HEADER_LINES, SHOWN_CELLS, TAIL_BYTES, TAIL_LINES
 from stagectl.recording.content import is_hdf5
 from stagectl.recording.hdf5 import RecordingError
+from stagectl.recording.time_stamps import is_date, is_stamp
 
 SEPARATORS = (",", ";", "\t")
 WORDS = {",": "commas", ";": "semicolons", "\t": "tabs"}
@@ -26,11 +27,16 @@ class Layout(NamedTuple):
     skipped: int  # lines before the numbers
     width: int  # columns
     decimal: str  # sign in its numbers
+    first: list[str]  # of each column, the first cell among its numbers that is not empty
 
     @property
     def names(self) -> list[str]:
         """The header: the row just before the numbers; empty where there is none."""
         return self.rows[-1] if self.skipped else []
+
+    def stamped(self, at: int) -> bool:
+        """Whether column `at` holds time stamps."""
+        return at < len(self.first) and is_stamp(self.first[at])
 
 
 class End(NamedTuple):
@@ -53,9 +59,10 @@ def layout(path: Path) -> Layout:
     separator, rows = max(tried, key=lambda candidate: sum(_numbers(row, candidate[0]) for row in candidate[1]))
     first = next((k for k, row in enumerate(rows) if _numbers(row, separator)), 1)
     numbers = [row for row in rows if _numbers(row, separator)]
-    comma = separator != "," and any("," in cell for row in numbers for cell in row)
-    count = len(numbers[0]) if numbers else len(rows[0])
-    return Layout(separator, rows[: max(first, 1)], first, count, "," if comma else ".")
+    comma = separator != "," and any("," in cell and not is_date(cell) for row in numbers for cell in row)
+    width = len(numbers[0] if numbers else rows[0])
+    start = [next((row[k] for row in numbers if len(row) > k and row[k]), "") for k in range(width)]
+    return Layout(separator, rows[: max(first, 1)], first, width, "," if comma else ".", start)
 
 
 def last_rows(path: Path, how: Layout, most: int = 0) -> End:
@@ -81,6 +88,8 @@ def _whole(line: str, how: Layout) -> bool:
     cells = [cell.strip() for cell in line.rstrip("\r\n").split(how.separator)]
     if len(cells) != how.width or not any(cells):
         return False
+    if how.stamped(how.width - 1):
+        return is_stamp(cells[-1])
     last = cells[-1].replace(how.decimal, ".")
     return not last or _number(last) or not _number(f"{last}0")
 
@@ -120,8 +129,8 @@ def _split(lines: list[str], separator: str) -> list[list[str]]:
 
 
 def _numbers(row: list[str], separator: str) -> bool:
-    """Whether a row is two numbers or more; a cell may be empty."""
-    cells = [cell.replace(",", ".") if separator != "," else cell for cell in row if cell]
+    """Whether a row is two numbers or more; a cell may be empty, and others may be dates."""
+    cells = [cell.replace(",", ".") if separator != "," else cell for cell in row if cell and not is_date(cell)]
     return len(row) > 1 and bool(cells) and all(map(_number, cells))
 
 

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stagectl.config.stage_file import Setup
-from stagectl.extras import arrow
-from stagectl.problem import ProblemKind, why_unread
+from stagectl.problem import ProblemKind
 from stagectl.recording.columns import (
     EXAMPLE,
     POSITIONS,
@@ -22,19 +17,18 @@ from stagectl.recording.columns import (
     check_kind,
     check_once,
     choices,
+    header_unit,
     meaning,
     of_choices,
     parsed,
     scales_by_unit,
 )
-from stagectl.recording.csv_layout import WORDS, Layout, last_rows, layout
+from stagectl.recording.csv_layout import WORDS, Layout, layout
+from stagectl.recording.csv_table import read_table
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError
-
-_NO_NUMBER = re.compile(r"column #(\d+): Row #(\d+): .* invalid value ('.*')", re.DOTALL)
-_WIDTH = re.compile(r"Row #(\d+): Expected (\d+) columns, got (\d+): (.*)", re.DOTALL)
 
 
 def read(
@@ -65,8 +59,8 @@ def read(
     described = scales or (scales_of_nominal(nominal, beside) if nominal else None)
     scales = _scales(path, names, setup, described)
     _of_this_kind(path, names, scales)
-    known, notes = _known(path, names, scales)
-    table, cut = read_table(path, names, list(known), how)
+    known, notes = _known(path, how, scales)
+    table, cut = read_table(path, names, list(known), how, [name for name in known if known[name][0] == "time"])
     columns = {ours: _scaled(table.pop(name), scale) for name, (ours, scale) in known.items()}
     labels = {ours: name for name, (ours, _) in known.items()}
     return Log(path, scales, columns, [*notes, *cut], {**about, **({"nominal": nominal} if nominal else {})}, labels)
@@ -98,9 +92,12 @@ def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice])
     chosen = [_with_unit(choice, how, _column(path, how, choice)) for choice in chosen]
     scales, known = of_choices(chosen, taken, path)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
+    if how.stamped(at := places["time"][0]):  # whatever unit is named, they are read in s
+        places["time"] = (at, 1.0)
     check_once(path, {known[ours][0].quantity: (at, f"column {at + 1}") for ours, (at, _) in places.items()})
     labels = [f"column {number}" for number in range(1, how.width + 1)]
-    table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how)
+    times = [labels[places["time"][0]]]
+    table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how, times)
     columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}
     notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
     labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
@@ -108,9 +105,8 @@ def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice])
 
 
 def _with_unit(choice: Choice, how: Layout, at: int) -> Choice:
-    """The choice of a column that its number names, with the unit that its header says."""
-    named = parsed(how.names[at]) if at < len(how.names) else None
-    return choice._replace(unit=choice.unit or (named[1] if named else ""))
+    """The choice of a column with the unit that its header says, where the choice says none."""
+    return choice._replace(unit=choice.unit or (header_unit(how.names[at]) if at < len(how.names) else ""))
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:
@@ -139,19 +135,20 @@ def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales |
     return scales_by_unit((about[1] for name in names if (about := parsed(name)) and about[0] in POSITIONS), path)
 
 
-def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:
+def _known(path: Path, how: Layout, scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:
     """Columns that are understood: (ours, factor); and a note for each that is left out."""
+    names = how.names
     own = {header(name, quantity.unit_for(scales.kind)): name for name, quantity in quantities().items()}
     exported = any(own.get(name) == "measured" for name in names)  # our own export, all columns
     known: dict[str, tuple[str, float]] = {}
     notes = []
     own_position = any((about := parsed(name)) and about[0] in POSITIONS[:-1] for name in names)
-    for name in names:
+    for at, name in enumerate(names):
         if own_position and (about := parsed(name)) and about[0] == POSITIONS[-1]:
             notes.append(f"{name} is left out: it is the load's, and the position is taken from the motor")
             continue
         try:
-            ours_and_factor = (own[name], 1.0) if exported and name in own else _meaning(name, scales)
+            ours_and_factor = (own[name], 1.0) if exported and name in own else _meaning(name, scales, how.stamped(at))
         except StageError as error:
             if name.startswith(("time_", "position_", "motor_position_", "load_position_")):
                 raise RecordingError(f"{name} in {path}: {error}", path, ProblemKind.UNIT, column=name) from error
@@ -181,8 +178,11 @@ def _of_this_kind(path: Path, names: list[str], scales: Scales) -> None:
         check_kind(path, name, kind, scales)
 
 
-def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
+def _meaning(name: str, scales: Scales, stamped: bool) -> tuple[str, float] | None:
+    """Our column and its factor; a time that is `stamped` is in s, whatever its name says."""
     header_parts = parsed(name)
+    if stamped and header_parts and header_parts[0] == "time":
+        return "time", 1.0
     return meaning(*header_parts, scales) if header_parts and header_parts[1] else None
 
 
@@ -190,48 +190,3 @@ def _scaled(column: Array, scale: float) -> Array:
     """The same array, scaled: a long log has no room for a second one."""
     column *= scale
     return column
-
-
-@contextlib.contextmanager
-def _in_words(path: Path, causes: tuple[type[Exception], ...]) -> Iterator[None]:
-    """Turn what the CSV reader says into file, row, column and text."""
-    try:
-        yield
-    except causes as cause:
-        words = why_unread(cause)
-        if value := _NO_NUMBER.search(words):
-            column, row, text = int(value[1]) + 1, value[2], value[3]
-            date = ", and a date is no time: times are in s" if len(re.findall(r"[-:/.]", text)) > 2 else ""
-            words = f"row {row}, column {column}: {text} is no number{date}"
-        elif width := _WIDTH.search(words):
-            row, wanted, found, text = width.groups()
-            words = f"row {row} has {found} columns, not {wanted}: {text}; decimal commas need another separator"
-        raise RecordingError(f"{path}: {words}; correct the row or remove it", path, ProblemKind.VALUE) from cause
-
-
-def read_table(
-    path: Path, names: list[str], wanted: list[str], how: Layout, most: int = 0
-) -> tuple[dict[str, Array], list[str]]:
-    """The wanted columns, (n,) each, an empty cell is NaN; and a note on lines that end the file without being rows.
-
-    Of a file longer than `most` bytes only the rows within these; 0 takes all of it.
-    """
-    reading = arrow().csv.ReadOptions(use_threads=False, column_names=names, skip_rows=how.skipped)
-    converting = arrow().csv.ConvertOptions(
-        column_types=dict.fromkeys(wanted, arrow().float64()),
-        include_columns=list(dict.fromkeys(wanted)),
-        decimal_point=how.decimal,
-    )
-    parsing = arrow().csv.ParseOptions(delimiter=how.separator)
-    causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
-    end = last_rows(path, how, most)
-    with _in_words(path, causes):
-        with path.open("rb") as file:  # of a whole file no more than a block is in memory
-            source = file if end.length == path.stat().st_size else arrow().BufferReader(file.read(end.length))
-            table = arrow().csv.read_csv(source, reading, parsing, converting)
-        columns = {}
-        for name in dict.fromkeys(wanted):  # one column at a time: a long log is in memory once
-            columns[name] = np.require(table[name].to_numpy(), np.float64, "W")
-            table = table.drop_columns([name])
-            arrow().default_memory_pool().release_unused()
-    return columns, [end.note] if end.note else []

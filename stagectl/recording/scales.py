@@ -18,7 +18,32 @@ from stagectl.config.source import compose
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.units import LINEAR, ROTARY, UnitError, factor
+from stagectl.units import LINEAR, ROTARY, UnitError, factor, in_base_units
+
+# A share of the rated current, as CiA 402 has it in 0x6077 and traces of many drives have it in a header.
+SHARES = {
+    **dict.fromkeys(("permille", "per mille", "‰", "0.1%", "0.1 %"), 1e-3),
+    **dict.fromkeys(("percent", "per cent", "%"), 1e-2),
+}
+_TORQUE = re.compile(r"(?<=N)[ .*·]?(?=c?m$)")  # N m, N.m, N*m, Nm, N cm
+_RATED = (
+    "it is a share of the rated current; write that as drive.wire.rated_current in the stage file, as "
+    "stage.rated_current (A) in nominal.yaml next to the log, or as rated_current=... in --model; or write the column "
+    "in A"
+)
+_EFFORTS = ("N", "kN", "N m", "mN m", "kN m", "N cm")
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text in a header is a unit that a log may have."""
+    return text in SHARES or bool(bases_of(text))
+
+
+def bases_of(unit: str) -> dict[str, int]:
+    """Exponents of the SI base units in a unit as a log writes it; empty where it is none that measures something."""
+    with contextlib.suppress(UnitError):
+        return in_base_units(_TORQUE.sub(" ", unit))[1]
+    return {}
 
 
 class Scales(NamedTuple):
@@ -30,6 +55,7 @@ class Scales(NamedTuple):
     encoder_step: float = 0.0  # rad | m a count
     force_constant: float = 0.0  # N m/A | N/A
     amplifier: float = 0.0  # A/V, of the drive's analogue input
+    rated_current: float = 0.0  # A
 
     def units(self, quantity: str) -> tuple[str, ...]:
         """Units that a log may have its position, reference or velocity in, the likeliest first."""
@@ -66,30 +92,31 @@ class Scales(NamedTuple):
         return factor(unit or inside, inside)
 
     def current(self, unit: str) -> float:
-        """Factor from a current, force, torque or amplifier voltage in `unit` to A.
+        """Factor from a current, force, torque, amplifier voltage or share of the rated current in `unit` to A.
 
         Raises RecordingError where a scale is missing.
         """
-        effort = "N" if self.kind == LINEAR else "N m"
-        unit = re.sub(r"(?<=N)[ .*·]m$", "m", unit)  # N m, N.m, N*m
+        if unit in SHARES:
+            return SHARES[unit] * self._known(self.rated_current, f"a current in {unit}", "stage.rated_current", _RATED)
         if unit in ("V", "mV"):
             return factor(unit, "V") * self._known(self.amplifier, "a voltage", "drive.amplifier_A_per_V")
-        if unit in ("N", "kN", "Nm", "mNm"):
+        if (spaced := _TORQUE.sub(" ", unit)) in _EFFORTS:
             constant = self._known(self.force_constant, f"an effort in {unit}", "stage.force_constant")
-            return factor(re.sub(r"Nm$", "N m", unit), effort) / constant
+            return factor(spaced, "N" if self.kind == LINEAR else "N m") / constant
         return factor(unit, "A")
 
-    def _known(self, value: float, what: str, key: str) -> float:
+    def _known(self, value: float, what: str, key: str, where: str = "") -> float:
         if value == 0.0:
-            reason = f"{what} has no scale: write {key} in nominal.yaml next to the log, or give --stage"
-            raise RecordingError(reason, kind=ProblemKind.MISSING, column=key)
+            place = where or f"write {key} in nominal.yaml next to the log, or give --stage"
+            raise RecordingError(f"{what} has no scale: {place}", kind=ProblemKind.MISSING, column=key)
         return value
 
 
 def scales_of_stage(setup: Setup, amplifier: float = 0.0) -> Scales:
     """The scales that a stage file gives; it says nothing of an analogue `amplifier` (A/V)."""
-    axis, p = setup.file.axis, setup.stage
-    return Scales(axis.kind, axis.travel_per_unit, axis.travel_unit, p.encoder.step, p.motor.force_constant, amplifier)
+    axis, p, wire = setup.file.axis, setup.stage, setup.file.drive.wire
+    step, constant, rated = p.encoder.step, p.motor.force_constant, getattr(wire, "rated_current", 0.0)
+    return Scales(axis.kind, axis.travel_per_unit, axis.travel_unit, step, constant, amplifier, rated)
 
 
 def scales_of_nominal(nominal: dict[str, Any], place: Path) -> Scales:
@@ -110,6 +137,7 @@ def scales_of_nominal(nominal: dict[str, Any], place: Path) -> Scales:
         _positive(stage, "encoder_step", place),
         _positive(stage, "force_constant", place),
         _positive(drive, "amplifier_A_per_V", place),
+        _positive(stage, "rated_current", place),
     )
 
 

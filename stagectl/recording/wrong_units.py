@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from stagectl.kernels import stage
+from stagectl.number_format import duration
 from stagectl.recording.constants import (
     CHECKED_ROWS,
     CONFUSED,
@@ -24,9 +25,11 @@ from stagectl.recording.constants import (
     MODEL_FITS,
     MOTION_BAND,
     MUCH_BETTER,
+    RARE_ROWS,
     SAME_RATIO,
     SAME_STEP,
     UNIT_SLOW,
+    USUAL_STEPS,
 )
 from stagectl.recording.scales import Scales
 from stagectl.units import factor
@@ -93,6 +96,19 @@ def by_rows(dt: float, period: float) -> str:
     """The wrong unit of time that makes a log's `dt` (s) of the stage's `period` (s); empty where none does."""
     causes = [m.words for m in MISTAKES if m.time != 1.0 and abs(dt * m.time / period - 1.0) < SAME_STEP]
     return next(iter(causes), "")
+
+
+def by_pace(dt: float) -> str:
+    """What to say where rows come every `dt` (s), too rarely to show a motion, by a wrong unit of time; else empty.
+
+    It asks no model: what that lacks, such as gravity, can hide the mistake from `likely_mistake`.
+    """
+    low, high = USUAL_STEPS
+    causes = [m.words for m in MISTAKES if m.time < 1.0 and low <= dt * m.time <= high]
+    if dt <= RARE_ROWS or not causes:
+        return ""
+    advice = "name the unit of the times in the column's header or in --columns (time=1:ms)"
+    return f"rows come every {duration(dt)}, unless {causes[0]}: {advice}"
 
 
 def _wrong(column: str) -> list[Mistake]:

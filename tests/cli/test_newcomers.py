@@ -216,7 +216,7 @@ MISTAKES = [
     ("config check -", "standard input is not read here", 2),
     (
         f"import date.csv --stage {S}",
-        "'2026-01-01T00:00:0.000' is no number, and a date is no time",
+        "'2026-01-01T00:00:0.000'; no time that can be read; must be one of a number (s), a date such as 2024-03-05T",
         2,
     ),
     (f"import twice.csv --stage {S}", "row 102, column 1: 'time_s' is no number; correct the row", 2),

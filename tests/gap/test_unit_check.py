@@ -16,6 +16,7 @@ from stagectl.gap.logs.session import LogError
 from stagectl.gap.logs.sources import Description
 from stagectl.gap.logs.unit_check import check_units, inertia_doubt
 from stagectl.recording.hdf5 import RecordingError
+from stagectl.recording.wrong_units import by_pace
 from tests.gap.captured import CONFIG
 
 STAGE = CONFIG / "ball-screw.yaml"
@@ -93,3 +94,38 @@ def test_a_header_of_ours_beside_one_in_another_unit(tmp_path: Path, rows: np.nd
     session = load([log], load_stage(STAGE))
     current = session.logs[0].current
     assert current is not None and np.abs(current - rows[:, 2]).max() < 1e-6
+
+
+@pytest.mark.parametrize("hidden", [0.0, 5.0])
+@pytest.mark.parametrize("step", [0.25, 4.0, 8.0])
+def test_rows_that_are_far_apart_are_in_another_unit(
+    tmp_path: Path, rows: np.ndarray, step: float, hidden: float
+) -> None:
+    """Whatever the model lacks, such as gravity: no motion shows in rows that are seconds apart."""
+    foreign = rows[: 200 * (len(rows) // 200)].reshape(200, -1, 3)[:, 0].copy()
+    foreign[:, 0] = step * np.arange(len(foreign))
+    foreign[:, 2] += hidden * np.sin(foreign[:, 1])
+    log = _log(tmp_path, foreign, "time_s,position_rad,current_A")
+    with pytest.raises(LogError) as caught:
+        sc.diagnose(log, stage=STAGE)
+    assert (caught.value.reason, caught.value.logs) == ("unit", ("log.csv",))
+
+
+def test_rows_that_are_far_apart_identify_nothing(tmp_path: Path, rows: np.ndarray) -> None:
+    """Taken as they are, they end in a verdict."""
+    foreign = rows[:: len(rows) // 200].copy()
+    foreign[:, 0] = 4.0 * np.arange(len(foreign))
+    log = _log(tmp_path, foreign, "time_s,position_rad,current_A")
+    assert sc.diagnose(log, stage=STAGE, doubtful=True).verdict == "not-identifiable"
+
+
+@pytest.mark.parametrize(("dt", "refused"), [(0.1, False), (0.25, True), (4.0, True), (60.0, False), (100.0, True)])
+def test_which_pace_is_one_of_another_unit(dt: float, refused: bool) -> None:
+    assert bool(by_pace(dt)) is refused
+
+
+def test_the_header_of_a_foreign_time_is_read(tmp_path: Path, rows: np.ndarray) -> None:
+    log = _log(tmp_path, rows * (1e3, 1.0, 1.0), "t [ms],x [rad],i")
+    session = load([log], load_stage(STAGE), Description({"time": "1", "position": "2", "current": "3"}))
+    assert session.dt == pytest.approx(rows[1, 0] - rows[0, 0])
+    check_units(session)

@@ -110,7 +110,7 @@ KIND = ProblemKind
         ("position_m\n0\n1\n", KIND.MISSING, "time", 0),
         ("time_s,position_m\n", KIND.SHAPE, "", 0),
         ("time_s,position_m\n0,1\n", KIND.SHAPE, "", 0),
-        ("time_s,position_m\n0,1\n1,x\n", KIND.VALUE, "", 0),
+        ("time_s,position_m\n0,1\n1,x\n", KIND.VALUE, "position_m", 2),
         ("time_s,position_m\n0,1\n1\n2,3\n", KIND.VALUE, "", 0),  # a last row that is cut off is left out
         ("time_s,position_m\n0,1\n1,\n", KIND.MISSING, "position_m", 2),
         ("time_s,position_m\n0,1\n0,2\n", KIND.CONFLICT, "time_s", 2),

@@ -16,8 +16,8 @@ FREE = stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck())
 _STOPS = ("stop-operator", "maxwell-slip", "gms")
 _LAWS = (*_STOPS, "dahl", "lugre", "none")
 _KEYS = {
-    "stage": "name kind position_unit torque_unit force_constant inertia viscous bias travel_per_unit_mm pitch "
-    "encoder_step encoder_periods_per_pitch accuracy",
+    "stage": "name kind position_unit torque_unit force_constant rated_current inertia viscous bias travel_per_unit_mm "
+    "pitch encoder_step encoder_periods_per_pitch accuracy",
     "friction": "law weight slip coulomb stribeck stiffness exponent damping viscous bristle",
     "drive": "current_loop_s delay_samples resistance_ohm back_emf_V_per_unit_s current_limit_A voltage_limit_V "
     "amplifier_A_per_V current_quantum_A",

@@ -12,10 +12,15 @@ from stagectl.units import LINEAR
 
 
 def check_units(session: Session) -> None:
-    """Raises LogError where one and the same mistake explains every log, and the nominal model none as it is."""
+    """Raises LogError where one and the same mistake explains every log, and the nominal model none as it is.
+
+    It does so, too, where rows come too rarely to show a motion, and another unit of the times would make it usual.
+    """
+    names = tuple(log.name for log in session.logs)
+    if words := wrong_units.by_pace(session.dt):
+        raise LogError("unit", names, f"{names[0]}: {words}")
     mistakes = [wrong_units.likely_mistake(motion, session.stage) for motion in _motions(session)]
     if mistakes and mistakes[0] is not None and all(mistake is mistakes[0] for mistake in mistakes):
-        names = tuple(log.name for log in session.logs)
         raise LogError("unit", names, f"{names[0]}: {mistakes[0].sentence}")
 
 

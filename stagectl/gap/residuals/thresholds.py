@@ -33,6 +33,7 @@ LEAST_DENSITY = 1e-6  # share of the largest noise density: a lower density mean
 # -- half strokes and standstills --------------------------------------------------------------------------------------
 SHORTEST_STROKE = 0.1  # s: faster reversals belong to one half stroke
 LONGEST_STROKE = 1.0  # s: a longer half stroke is divided, so that a slow scan is not a single cluster
+LONGEST_PERIOD = 0.5 * LONGEST_STROKE  # s between rows: beyond it a half stroke has less than two
 STROKE_WINDOW = 0.02  # s over which the position is averaged before its direction is taken
 STROKE_SPEED = 1e-3  # share of the largest speed: below it the axis has no direction
 ZONES_TRAVELLED = 3.0  # lengths of the rolling zone in one direction, after which every friction element slips

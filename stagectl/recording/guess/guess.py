@@ -22,7 +22,7 @@ from stagectl.recording.guess.roles import Role
 from stagectl.recording.guess.table import Column
 from stagectl.recording.guess.units import Unit
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.scales import Scales
+from stagectl.recording.scales import SHARES, Scales
 from stagectl.units import LINEAR, ROTARY
 
 
@@ -41,6 +41,7 @@ class Known(NamedTuple):
 
     counts: float = 0.0  # a turn, or a metre of a linear axis
     force_constant: float = 0.0  # N m/A | N/A
+    rated_current: float = 0.0  # A
 
 
 class Guess(NamedTuple):
@@ -135,7 +136,12 @@ def _unit_of_position(position: Role, velocity: Role | None, known: Known) -> Un
 
 def _scales(unit: Unit, position: Role | None, time: Array, known: Known) -> tuple[Scales, list[str]]:
     kind = LINEAR if unit.name in ("m", "mm", "um", "nm", "m/s", "mm/s") else ROTARY
-    scales = Scales(kind, travel_unit="m" if kind == LINEAR else "rad", force_constant=known.force_constant)
+    scales = Scales(
+        kind,
+        travel_unit="m" if kind == LINEAR else "rad",
+        force_constant=known.force_constant,
+        rated_current=known.rated_current,
+    )
     whole = 1.0 if kind == LINEAR else 2.0 * math.pi
     if known.counts:
         return scales._replace(encoder_step=whole / known.counts), []
@@ -194,7 +200,7 @@ def _correlation(first: Role, second: Role) -> float:
 
 def _usable(unit: Unit, scales: Scales) -> tuple[Unit, Scales, list[str]]:
     """A unit that can be converted: what has no scale is kept as amperes, and said."""
-    if unit.name in ("V", "%"):
+    if unit.name == "V" or (unit.name in SHARES and not scales.rated_current):
         words = f"a column in {unit.name} has no scale: its numbers are kept as A"
         return Unit("A", min(unit.sure, constants.SURE_BY_DEFAULT), words), scales, [words]
     if unit.name in ("N", "Nm", "mNm") and not scales.force_constant:

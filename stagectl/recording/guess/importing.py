@@ -55,9 +55,10 @@ def _complete(words: Mapping[str, str] | None) -> bool:
 
 
 def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
-    taken = guess(path, known, words)
-    if setup is not None:
-        taken = taken._replace(scales=scales_of_stage(setup), notes=())
+    stated = scales_of_stage(setup) if setup is not None else None
+    taken = guess(path, known._replace(rated_current=stated.rated_current) if stated else known, words)
+    if stated is not None:
+        taken = taken._replace(scales=stated, notes=())
     else:
         taken = taken._replace(scales=_of_kind(taken.scales, words, path))
     taken = taken._replace(columns=tuple(part for part in taken.columns if part.quantity not in words))

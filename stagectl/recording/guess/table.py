@@ -11,7 +11,7 @@ from stagectl.problem import ProblemKind
 from stagectl.recording import constants, mat_logs
 from stagectl.recording.columns import Array
 from stagectl.recording.csv_layout import Layout, layout
-from stagectl.recording.csv_logs import read_table
+from stagectl.recording.csv_table import read_table
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.metadata import flat
 
@@ -43,12 +43,17 @@ def read(path: Path) -> list[Column]:
 def _of_text(path: Path) -> list[Column]:
     how = layout(path)
     labels = [str(number) for number in range(1, how.width + 1)]
-    table, _ = read_table(path, labels, labels, how, constants.GUESS_BYTES)
+    table, _ = read_table(path, labels, labels, how, labels, constants.GUESS_BYTES)
     return [Column(name, _words(how, k), table[name]) for k, name in enumerate(labels)]
 
 
 def _words(how: Layout, k: int) -> str:
-    """What the lines above the numbers say in column `k`, those that have a cell for each column."""
+    """What the lines above the numbers say in column `k`, those that have a cell for each column.
+
+    Stamps say that they are a time, and they are read in s.
+    """
+    if how.stamped(k):
+        return "time [s]"
     rows = how.rows if how.skipped else []
     return " ".join(row[k] for row in rows if len(row) == how.width).lower()
 

@@ -16,7 +16,7 @@ _WORDS = {
     "time": ("s", "ms", "us"),
     "position": ("rad", "deg", "rev", "counts", "m", "mm", "um"),
     "velocity": ("rad/s", "deg/s", "rpm", "r/min", "m/s", "mm/s"),
-    "effort": ("A", "mA", "Nm", "mNm", "N", "V", "%"),
+    "effort": ("A", "mA", "Nm", "mNm", "N", "V", "%", "permille", "‰"),
 }
 
 
