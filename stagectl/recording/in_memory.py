@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
@@ -62,8 +63,18 @@ def quantities() -> dict[str, Quantity]:
     return known
 
 
+def units_of(columns: Iterable[str], kind: str) -> dict[str, str]:
+    """SI units of these columns, of an axis of this kind; a column that is not a quantity is left out."""
+    known = quantities()
+    return {name: known[name].unit_for(kind) for name in columns if name in known}
+
+
+def header(name: str, unit: str) -> str:
+    """A column's name with its unit: ``time_s``, ``ahead_velocity_rad_per_s``; a pure number keeps its name."""
+    return f"{name}_{unit.replace('/', '_per_').replace(' ', '')}" if unit else name
+
+
 def column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[str, str]:
     """Units and meanings of these columns of an axis, each as JSON."""
-    known = quantities()
-    units = {name: known[name].unit_for(axis["kind"]) for name in columns if name in known}
+    known, units = quantities(), units_of(columns, axis["kind"])
     return {"units": json.dumps(units), "meanings": json.dumps({n: known[n].meaning for n in units})}

@@ -58,7 +58,8 @@ def _start_foxglove(axes: list[AxisController], address: tuple[str, int], alive:
 
 
 def _source(axis: AxisController) -> Source:
-    from stagectl.recording.exports import described, units_of  # large imports, seldom needed
+    from stagectl.recording.exports import described  # large imports, seldom needed
+    from stagectl.recording.in_memory import units_of
     from stagectl.recording.mcap_log import definition
 
     ring, fields = axis.ring, described(units_of(COLUMNS, axis.setup.file.axis.kind))
