@@ -57,7 +57,7 @@ def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
     Raises StageError where the operator ended it, which has an exit code of its own.
     """
     if target == "-":
-        tell(json_text(result).removesuffix("\n"))
+        tell(json.dumps(result, indent=2, allow_nan=False))
     elif target is not None:
         check_replaceable(Path(target), JSON)  # this command may have written another result there
         Path(target).parent.mkdir(parents=True, exist_ok=True)
@@ -156,7 +156,7 @@ def tell(line: str) -> None:
 
 def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     """What writes one line of JSON for each event of a verb that goes on: to the file `target`, ``-`` for output."""
-    mark = dict(WRITTEN_BY)  # of the first line
+    mark = {} if target == "-" else dict(WRITTEN_BY)  # of a file's first line
     if target is not None and target != "-":
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         write_text(Path(target), "")

@@ -119,11 +119,20 @@ def _drive(file: StageFile) -> Iterator[Problem]:
     if drive.telemetry.late > period:
         reason, late = "longer than control.period", duration(drive.telemetry.late)
         yield Problem(reason, _CONFLICT, "drive.telemetry.late", late, "s", f"[0, {period:g}]")
-    if drive.current_limit <= drive.continuous_current < math.inf:
-        reason = f"must be below drive.current_limit, {drive.current_limit:g} A, from which the drive folds back to it"
-        current = f"{drive.continuous_current:g} A"
-        yield Problem(reason, _CONFLICT, "drive.continuous_current", current, "A", f"(0, {drive.current_limit:g})")
+    yield from _continuous(file)
     yield from _held(file)
+
+
+def _continuous(file: StageFile) -> Iterator[Problem]:
+    """A current that may flow forever lies below the peak: else what watches it never acts."""
+    most = file.drive.current_limit
+    for key, current, otherwise in (
+        ("drive.continuous_current", file.drive.continuous_current, "from which the drive folds back to it"),
+        ("limits.continuous_current", file.limits.continuous_current, "or the motor's I2t never trips"),
+    ):
+        if current is not None and most <= current < math.inf:
+            reason = f"must be below drive.current_limit, {most:g} A, {otherwise}"
+            yield Problem(reason, _CONFLICT, key, f"{current:g} A", "A", f"(0, {most:g})")
 
 
 def _held(file: StageFile) -> Iterator[Problem]:
