@@ -82,37 +82,6 @@ def too_far(file: StageFile) -> Iterator[Problem]:
         yield Problem(reason, ProblemKind.CONFLICT, "limits.free_distance", room, axis.travel_unit, remedy=remedy)
 
 
-def decelerations(file: StageFile) -> dict[str, float]:
-    """What each of the entries that brake the axis allows (rad/s^2 | m/s^2); the least of them decides."""
-    stated, bias = file.limits.deceleration, abs(file.mechanics.bias)
-    effort = max(file.drive.current_limit * file.motor.force_constant - bias, 0.0)
-    ramp = "drive.wire.quick_stop_deceleration" if isinstance(file.drive.wire, Canopen) else "limits.acceleration"
-    return {
-        **({} if stated is None else {"limits.deceleration": stated}),
-        ramp: file.own_ramp,
-        "mechanics.inertia, motor.force_constant, drive.current_limit": effort / file.mechanics.inertia,
-    }
-
-
-def stops_beyond(file: StageFile) -> str:
-    """What to say of an axis that cannot be stopped within its travel; empty where it can.
-
-    Such an entry is a slip of the unit rather than a machine; where each way to brake is too weak, it is the speed.
-    """
-    (low, high), half, every = file.limits.travel, 0.5 * file.limits.speed**2, decelerations(file)
-    weak = {entry: most for entry, most in every.items() if most * (high - low) < half}
-    if not weak:
-        return ""
-    scale, unit, least = file.axis.travel_per_unit, file.axis.travel_unit, min(weak.values())
-    way = half / least if least > 0.0 else math.inf
-    needed, room = (length(distance * scale, unit) for distance in (way, high - low))
-    named = (
-        entry if "," in entry else f"{entry} = {length(most * scale, f'{unit}/s^2')}" for entry, most in weak.items()
-    )
-    suspects = f"the unit of {', '.join(named)}" if len(weak) < len(every) else "limits.speed and limits.travel"
-    return f"from limits.speed the axis stops within {needed}, and limits.travel is {room}: check {suspects}"
-
-
 def noticed_after(wire: Canopen) -> float:
     """Silence (s) after which a drive that takes all time-outs of `wire` notices the loss of its controller."""
     return min(wire.rpdo_timeout or math.inf, wire.heartbeat_timeout)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.config.plausibility import decelerations
 from stagectl.config.stage_file import Setup
-from stagectl.config.time_outs import decelerations
 from stagectl.drives import limits as decided
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import stage

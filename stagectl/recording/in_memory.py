@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
-from stagectl.problem import ProblemKind
+from stagectl.problem import ProblemKind, nearest
 from stagectl.recording.file_lock import RecordingError
 from stagectl.units import Quantity, quantity_of
 
@@ -44,7 +44,10 @@ class Recording(NamedTuple):
     def column(self, name: str) -> NDArray[np.float64]:
         """One column, (n,), SI.  Raises RecordingError naming the columns there are."""
         if name not in (self.samples.dtype.names or ()):
-            reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
+            names = self.samples.dtype.names or ()
+            near = nearest(name, names)
+            there = f"did you mean {near}?" if near else f"it has {', '.join(names)}"
+            reason = f"{self.path} has no column {name}; {there}"
             raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)
         return np.asarray(self.samples[name], dtype=np.float64)
 

@@ -6,7 +6,7 @@ import pytest
 
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.config.time_outs import axis_limits, free_distance, stops_beyond
+from stagectl.config.time_outs import axis_limits, free_distance
 from stagectl.drives.drive import Canopen
 from stagectl.drives.limits import ANSWER_PERIODS, SHORTEST_TIMEOUT
 from stagectl.problem import ProblemKind
@@ -54,24 +54,3 @@ def test_a_time_out_beyond_a_stated_free_distance_is_refused() -> None:
         load_stage(CONFIG / STAGES[0], text=text)
     (problem,) = caught.value.problems
     assert (problem.kind, problem.key) == (ProblemKind.CONFLICT, "limits.free_distance")
-
-
-@pytest.mark.parametrize(
-    ("right", "wrong", "named"),
-    [
-        ("limits:", "limits:\n  deceleration: 1 um/s^2", "limits.deceleration"),
-        ("ion: 5 m/s^2\n    reset", "ion: 5 mm/s^2\n    reset", "drive.wire.quick_stop_deceleration"),
-        ("inertia: 0.010 kg", "inertia: 10 kg", "mechanics.inertia"),
-        ("speed: 300 mm", "speed: 300 m", "limits.speed and limits.travel"),
-    ],
-)
-def test_what_cannot_stop_the_axis_within_its_travel_is_named_alone(right: str, wrong: str, named: str) -> None:
-    text = (CONFIG / STAGES[0]).read_text()
-    assert not stops_beyond(load_stage(CONFIG / STAGES[0]).file) and right in text
-    _, _, suspects = stops_beyond(load_stage(CONFIG / STAGES[0], text=text.replace(right, wrong)).file).partition(
-        "check "
-    )
-    others = {"limits.deceleration", "quick_stop_deceleration", "mechanics.inertia"} - {
-        named.removeprefix("drive.wire.")
-    }
-    assert named in suspects and not any(other in suspects for other in others)
