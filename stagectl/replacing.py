@@ -52,7 +52,7 @@ def check_is_file(path: Path) -> None:
     if path.exists() and not path.is_file():
         what = "is a folder" if path.is_dir() else "is no ordinary file"
         reason = f"{path} {what} and is left as it is"
-        raise StageError(Problem(reason, ProblemKind.FILE, remedy="name a file with -o", file=path))
+        raise StageError(Problem(reason, ProblemKind.FILE, remedy="name a file", file=path))
 
 
 def check_is_folder(path: Path) -> None:

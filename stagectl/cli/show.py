@@ -104,11 +104,11 @@ def with_stage(words: str) -> str:
     """`words` that can be typed: with the stage file of this command where they say ``STAGE.yaml``."""
     if PLACEHOLDER not in words:
         return words
-    stage = next((path for path in typed_files() if _is_stage(path)), None)
+    stage = next((path for path in typed_files() if is_stage(path)), None)
     return words if stage is None else words.replace(PLACEHOLDER, shlex.quote(str(stage)))
 
 
-def _is_stage(path: Path) -> bool:
+def is_stage(path: Path) -> bool:
     """Whether a file has the first block of a stage file, or of one of several axes."""
     if path.suffix not in (".yaml", ".yml"):
         return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ from stagectl.service.black_box import BlackBoxOrder
 from stagectl.service.child_process import Child, start
 from stagectl.service.confined import rank
 from stagectl.service.foxglove_live import Feed, Source
-from stagectl.service.limits import LOOP
+from stagectl.service.limits import AT_ONCE, LOOP
 from stagectl.service.recordings import about
 from stagectl.service.stop_link import ServicePaths
 from stagectl.service.stop_path import StopPost
@@ -48,6 +49,12 @@ def _start_stop_path(axes: list[AxisController], socket: int, alive: int) -> Chi
     rank(child.pid, LOOP)
     child.send(StopPost(socket, alive, tuple((axis.shown, axis.board.descriptor) for axis in axes)))
     return child
+
+
+async def told_to_end(exit_code: int) -> None:
+    """Wait where a process has ended in order: it was told to, and so is the service in a moment, which then ends."""
+    if exit_code == 0:
+        await asyncio.sleep(AT_ONCE)
 
 
 def _start_foxglove(axes: list[AxisController], address: tuple[str, int], alive: int) -> Child:

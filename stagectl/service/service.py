@@ -209,6 +209,7 @@ class Service:
 
     async def _restart(self, ended: int) -> None:
         """A new real-time process; the axes come back without power, after the drives have stopped."""
+        await processes.told_to_end(ended)
         now = time.monotonic()
         self._deaths = [when for when in self._deaths if now - when < _DEATH_TIME] + [now]
         words = f"the real-time process died ({processes.ending(ended)}); the drive stops on its own time-outs"

@@ -29,7 +29,7 @@ from stagectl.plan import Plan, Start, plan
 from stagectl.problem import Problem, ProblemKind
 from stagectl.realtime.envelope import check_braking
 from stagectl.recording.file_lock import sweep
-from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, repair
+from stagectl.recording.hdf5 import Recording, RecordingError, check_target, open_recording, repair
 from stagectl.recording.in_memory import lacking
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
@@ -85,8 +85,8 @@ def lay_out(
     layers = sorted(frozenset(setup.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)
     meta = {**about, "without": sorted(without), "layers": layers}
-    if recording is not None and not recording.is_dir():
-        check_name(recording)
+    if recording is not None:
+        check_target(recording)
     place = recording or unused(Path(commanded.name).stem, ".h5")
     motion = Motion(setup, laid_out, controller.law, meta, place, located=located if laid_out.effects else None)
     return motion if learned is None else _with_learned(motion, learned)

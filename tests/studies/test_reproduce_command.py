@@ -42,7 +42,6 @@ def test_it_writes_a_page_and_its_numbers(command: Command, quick: list[str], tm
     folder = tmp_path / "new" / "folder"
     written = json.loads((folder / f"{paper}.json").read_text(encoding="utf-8"))
     compared = written.pop("compared")
-    assert written.pop("written_by") == "stagectl"
     assert json.loads(out) == {"compared": compared, **written}
     assert written == {"simulated": True, "answer": "D is 0.14.", "figure 5": {"viscous": 0.14}}
     assert [row["verdict"] for row in compared] == ["reproduced", "not drawn because"]
