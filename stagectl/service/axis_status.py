@@ -63,10 +63,10 @@ def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str,
     }
 
 
-def noted(machine: dict[str, Any], notes: Mapping[str, str]) -> dict[str, Any]:
+def noted(notes: Mapping[str, str] | None, machine: dict[str, Any]) -> dict[str, Any]:
     """The status of a machine with a warning more for each axis that has a note."""
     for axis in machine["axes"]:
-        axis["warnings"] += [notes[axis["axis"]]] if axis["axis"] in notes else []
+        axis["warnings"] += [note for name, note in (notes or {}).items() if name == axis["axis"]]
     return machine
 
 

@@ -51,10 +51,11 @@ def _start_stop_path(axes: list[AxisController], socket: int, alive: int) -> Chi
     return child
 
 
-async def told_to_end(exit_code: int) -> None:
-    """Wait where a process has ended in order: it was told to, and so is the service in a moment, which then ends."""
+async def heard_of(exit_code: int) -> str:
+    """How a process ended; where it did in order it was told to, and so is the service in a moment, which then ends."""
     if exit_code == 0:
         await asyncio.sleep(AT_ONCE)
+    return ending(exit_code)
 
 
 def _start_foxglove(axes: list[AxisController], address: tuple[str, int], alive: int) -> Child:

@@ -242,8 +242,7 @@ def _moving(app: FastAPI, orders: OrderHandler) -> None:
         async def do(request: Request, axis: AxisName = "") -> dict[str, Any]:
             if f"/v1/{path}" not in STOPS:
                 await check_no_body(request)
-            notes = await order(orders.service.chosen(axis))
-            return noted(orders.service.machine_json(), notes or {})
+            return noted(await order(orders.service.chosen(axis)), orders.service.machine_json())
 
         do.__name__ = path.replace("-", "_").replace("/", "_")
         app.post(f"/v1/{path}", response_model=Machine, responses=_REFUSALS, description=order.__doc__)(do)
