@@ -6,21 +6,24 @@ And how: the new one is written beside the old one and takes its place at the en
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
 _HEAD = 512  # bytes in which a file says what it is
 PAGE = '<meta name="generator" content="stagectl">'
-JSON, JSON_LINES = '{\n  "', '{"'
+WRITTEN_BY = {"written_by": "stagectl"}  # the first entry of our JSON, as any other program's looks like it
+JSON, JSON_LINES = '{\n  "written_by": "stagectl"', '{"written_by": "stagectl"'
 
 
 def check_replaceable(
-    path: Path, mark: str | Callable[[Path], bool], why: str = "is not of the kind that is written here"
+    path: Path, mark: str | Callable[[Path], bool], why: str = "is no such file written by stagectl"
 ) -> None:
     """Raises StageError where a file stands there that is none of ours: without the `mark` in its beginning.
 
@@ -49,7 +52,7 @@ def check_is_file(path: Path) -> None:
     if path.exists() and not path.is_file():
         what = "is a folder" if path.is_dir() else "is no ordinary file"
         reason = f"{path} {what} and is left as it is"
-        raise StageError(Problem(reason, ProblemKind.FILE, remedy="name a file with -o", file=path))
+        raise StageError(Problem(reason, ProblemKind.FILE, remedy="name a file", file=path))
 
 
 def check_is_folder(path: Path) -> None:
@@ -119,6 +122,11 @@ def naming(path: Path) -> Iterator[None]:
     except OSError as error:
         error.filename = str(path)
         raise
+
+
+def json_text(result: dict[str, Any]) -> str:
+    """A result as JSON that is known to be ours, see `JSON`."""
+    return json.dumps({**WRITTEN_BY, **result}, indent=2, allow_nan=False) + "\n"
 
 
 def write_text(path: Path, text: str) -> None:

@@ -69,10 +69,22 @@ def structured(rows: NDArray[np.float64]) -> NDArray[Any]:
     return rows.view(np.dtype([(name, "<f8") for name in rollout.COLUMNS]))[:, 0]
 
 
+class Work:
+    """The work (J) of a friction law: what it took from the axis, and what it gave back."""
+
+    def __init__(self) -> None:
+        self.taken = self.given = 0.0
+
+    def add(self, work: float) -> None:
+        """Of one integration step, positive where it was taken."""
+        self.taken += max(work, 0.0)
+        self.given += max(-work, 0.0)
+
+
 def simulate_with_friction(
     setup: Setup, plan: Plan, running: Law, friction_law: FrictionLaw, plant: Setup | None = None
-) -> NDArray[Any]:
-    """Rows (n,) of the run, as `simulate` gives them, with `friction_law` in place of the plant's friction.
+) -> tuple[NDArray[Any], Work]:
+    """Rows (n,) of the run, as `simulate` gives them, with `friction_law` in place of the plant's friction; its work.
 
     The loop is interpreted, some hundred times slower than `simulate`.  The force is held over one integration step
     (``simulation.substeps`` a period), so a stiff law needs short steps: ``stiffness h^2 << inertia``.
@@ -84,7 +96,8 @@ def simulate_with_friction(
     p = _without_friction(machine)
     noises = noise(machine.file.simulation, len(plan.setpoints), p.drive.jitter)
     rows = np.zeros((len(plan.setpoints), rollout.WIDTH))
-    x, memory = stage.at_reading(p, 0.0), law.AT_REST
+    x, memory, work = stage.at_reading(p, 0.0), law.AT_REST, Work()
+    applied = (friction_law, work)
     for k, (setpoint, drawn) in enumerate(zip(plan.setpoints.tolist(), noises.tolist(), strict=True)):
         disturbed = stage.Noise(drawn[0], drawn[1], drawn[2] if len(drawn) > 2 else 0.0)
         measured = stage.measured(p.encoder, x, disturbed)
@@ -92,8 +105,8 @@ def simulate_with_friction(
         seen = (measured, x.position, stage.reported(p.drive, x, setup.dt), 0.0, 0.0, 0.0, 0.0)
         rows[k] = (k * setup.dt, *setpoint, *output, *seen)
         x = stage.commanded(p.drive, x, output.current)
-        x = stage.latched(p, _moved(p, x, disturbed, friction_law, (setup.dt, machine.file.simulation.substeps)))
-    return structured(rows)
+        x = stage.latched(p, _moved(p, x, disturbed, applied, (setup.dt, machine.file.simulation.substeps)))
+    return structured(rows), work
 
 
 def _without_friction(machine: Setup) -> stage.Stage:
@@ -110,10 +123,10 @@ def _without_friction(machine: Setup) -> stage.Stage:
 
 
 def _moved(
-    p: stage.Stage, x: stage.State, noise: stage.Noise, friction_law: FrictionLaw, steps: tuple[float, int]
+    p: stage.Stage, x: stage.State, noise: stage.Noise, applied: tuple[FrictionLaw, Work], steps: tuple[float, int]
 ) -> stage.State:
     """The plant one period later; the friction acts as the motor current that gives the same force."""
-    dt, count = steps
+    (friction_law, work), (dt, count) = applied, steps
     step = dt / count
     for _ in range(count):
         force = friction_law(x.velocity, x.position + 0.5 * step * x.velocity, step)
@@ -123,5 +136,7 @@ def _moved(
                 "(SI, axis units); it must return a finite force"
             )
         against = noise.current - float(force) / p.motor.force_constant
+        before = x.position
         x = stage.drifted(p, x, stage.Noise(against, noise.position, noise.delay), step, 1)
+        work.add(float(force) * (x.position - before))
     return x

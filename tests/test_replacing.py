@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import resource
 import shutil
@@ -10,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import stagectl as sc
+from stagectl.extras import arrow
 from stagectl.interchange.export import write_texts
 from stagectl.problem import ProblemKind
 from stagectl.recording import learned_current
@@ -187,3 +190,39 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
         check_folder_to_be(tmp_path / name)
     check_folder_to_be(tmp_path / "new" / "folder")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", "shut"]
+
+
+def test_a_log_made_for_stagectl_is_no_export(recording: Path, tmp_path: Path) -> None:
+    """It begins as an export does: with the columns that stagectl asks of logs."""
+    loaded, own = open_recording(recording), tmp_path / "own.csv"
+    for text in ("time_s,position_mm,current_A\n0,0,0\n", "time_s,reference_rad,measured_rad,command_A\n0,0,0,0\n"):
+        own.write_text(text)
+        with refused(StageError, kind=ProblemKind.CONFLICT, file=own):
+            export([loaded], "csv", own)
+        assert own.read_text() == text
+    samples = tmp_path / "own-samples.csv"
+    samples.write_text("time_s,reference_rad\n0,0\n")
+    with refused(StageError, kind=ProblemKind.CONFLICT, file=samples):
+        export([loaded], "trajectory", tmp_path / "own.yaml")
+
+
+@pytest.mark.parametrize("to", ["parquet", "mat", "mcap"])
+def test_a_file_of_the_same_format_is_no_export(recording: Path, to: str) -> None:
+    loaded, path = open_recording(recording), recording.with_suffix(SUFFIXES[to])
+    if to == "parquet":
+        arrow().parquet.write_table(arrow().table({"time_s": [0.0]}), path)
+    elif to == "mat":
+        savemat(path, {"samples": 1.0, "time_s": 0.0})
+    else:
+        path.write_bytes(b"\x89MCAP0\r\n\x01\x1c\0\0\0\0\0\0\0\x04\0\0\0ros2\x10\0\0\0libmcap and 1.2.0stagectl")
+    before = path.read_bytes()
+    with refused(StageError, kind=ProblemKind.CONFLICT, file=path):
+        export([loaded], to, path)
+    assert path.read_bytes() == before
+
+
+def test_json_of_another_program_is_left(recording: Path, command: Command) -> None:
+    mine = recording.with_name("package.json")
+    mine.write_text(text := json.dumps({"name": "mine"}, indent=2))
+    code, _, err = command("report", recording, "--json", mine)
+    assert (code, mine.read_text(), str(mine) in err) == (2, text, True)

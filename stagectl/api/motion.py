@@ -53,8 +53,8 @@ def simulate(
     if seed is not None:
         machine = workflow.reseeded(machine or designed.setup, seed)
     recording = simulated_motion.simulated(motion, machine, friction=friction)
-    notes = tuple(unreached(commanded.experiment, designed.setup.file.axis.travel_unit))
-    return MotionRecord(recording, simulated_motion.simulated_result(motion, recording), notes)
+    notes = unreached(commanded.experiment, designed.setup.file.axis.travel_unit) + simulated_motion.gave(recording)
+    return MotionRecord(recording, simulated_motion.simulated_result(motion, recording), tuple(notes))
 
 
 def _takes_three(friction: FrictionLaw) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import importlib
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from stagectl.api.arguments import ArgumentError, PathLike
 from stagectl.api.checked import checked
 from stagectl.extras import require
-from stagectl.replacing import JSON, check_replaceable, write_text
+from stagectl.replacing import JSON, check_replaceable, json_text, write_text
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -104,7 +103,7 @@ class ReportedResult(PrintedResult):
 
             return write(self.page(), target)
         check_replaceable(target, JSON)
-        write_text(target, json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n")
+        write_text(target, json_text(self.to_json()))
         return target
 
 

@@ -19,6 +19,7 @@ from stagectl.config.axis_patch import axis_reference
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import split, text_of
 from stagectl.config.patch import Change, check_values, in_its_file, patched, replace_file
+from stagectl.config.plausibility import doubtful
 from stagectl.config.source import ConfigError
 from stagectl.extras import require
 from stagectl.problem import Problem, ProblemKind
@@ -104,7 +105,8 @@ class DesignedStage(PrintedResult):
             f"layers: {layers}; phase margin {math.degrees(self.margins.phase):.1f} deg"
         )
         tables = design(self.setup, self.loop)
-        return Sheet(f"{file.name}, {self.path}{changed}", answer, tables, sheet.notes(self.loop))
+        notes = [*sheet.notes(self.loop), *filter(None, [doubtful(file)])]
+        return Sheet(f"{file.name}, {self.path}{changed}", answer, tables, notes)
 
     def to_frame(self) -> Any:
         """The gains, one a row."""

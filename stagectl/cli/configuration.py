@@ -90,8 +90,8 @@ def _known(path: Path) -> _Known:
 
 def _stage(path: Path) -> _Known:
     from stagectl import design
+    from stagectl.config.plausibility import doubtful
     from stagectl.config.stage_file import load_stage
-    from stagectl.config.time_outs import stops_beyond
 
     setup = load_stage(path)
     control = setup.file.control
@@ -104,7 +104,7 @@ def _stage(path: Path) -> _Known:
         f"phase margin {phase:.1f} deg (at least {least:g}), gain margin {20 * math.log10(reached.gain):.1f} dB, "
         f"crossover {reached.crossover:.1f} Hz{watched} "
         f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples}); {_protects(setup.file)}",
-        tuple(filter(None, (design.limit_cycle_warning(setup.stage, control), stops_beyond(setup.file)))),
+        tuple(filter(None, (design.limit_cycle_warning(setup.stage, control), doubtful(setup.file)))),
     )
 
 

@@ -11,7 +11,7 @@ import typer
 
 from stagectl.cli.addresses import foxglove_address, tcp_port
 from stagectl.cli.motion import Channel, Json, Lines
-from stagectl.cli.show import console, emit, message_event, stream, without_compiler
+from stagectl.cli.show import console, emit, is_stage, message_event, stream, without_compiler
 from stagectl.extras import require
 from stagectl.named_values import pairs
 from stagectl.problem import Problem, ProblemKind
@@ -62,6 +62,8 @@ def serve(
     from stagectl.web.client import own_socket
     from stagectl.web.server import run
 
+    if state is not None and state.exists() and not state.is_dir():
+        raise StageError(Problem("is a file and no folder", ProblemKind.FILE, "--state", str(state), file=state))
     folder = state or state_folder()
     runtime = os.environ.get("RUNTIME_DIRECTORY")
     place = socket or (Path(runtime) / "control.sock" if runtime else own_socket())
@@ -165,6 +167,9 @@ def uploaded(trajectory: Path) -> dict[str, Any]:
     from stagectl.config.source import read_text
     from stagectl.config.trajectory_file import tables_of
 
+    if trajectory.is_file() and is_stage(trajectory):
+        reason, remedy = f"{trajectory} is a stage file", "give a trajectory in its place"
+        raise StageError(Problem(reason, ProblemKind.SHAPE, remedy=remedy, file=trajectory))
     text = read_text(trajectory)
     return {"name": trajectory.stem, "yaml": text, "tables": tables_of(trajectory, text)}
 

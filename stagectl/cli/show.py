@@ -19,7 +19,7 @@ from stagectl.api.arguments import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
-from stagectl.replacing import JSON, check_replaceable, naming, write_text
+from stagectl.replacing import JSON, WRITTEN_BY, check_replaceable, json_text, naming, write_text
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -56,13 +56,12 @@ def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
 
     Raises StageError where the operator ended it, which has an exit code of its own.
     """
-    text = json.dumps(result, indent=2, allow_nan=False) + "\n" if target is not None else ""
     if target == "-":
-        tell(text.removesuffix("\n"))
+        tell(json.dumps(result, indent=2, allow_nan=False))
     elif target is not None:
         check_replaceable(Path(target), JSON)  # this command may have written another result there
         Path(target).parent.mkdir(parents=True, exist_ok=True)
-        write_text(Path(target), text)
+        write_text(Path(target), json_text(result))
     if words := result.get("interrupted"):
         raise StageError(Problem(words, ProblemKind.STOPPED))
     if not good:
@@ -105,11 +104,11 @@ def with_stage(words: str) -> str:
     """`words` that can be typed: with the stage file of this command where they say ``STAGE.yaml``."""
     if PLACEHOLDER not in words:
         return words
-    stage = next((path for path in typed_files() if _is_stage(path)), None)
+    stage = next((path for path in typed_files() if is_stage(path)), None)
     return words if stage is None else words.replace(PLACEHOLDER, shlex.quote(str(stage)))
 
 
-def _is_stage(path: Path) -> bool:
+def is_stage(path: Path) -> bool:
     """Whether a file has the first block of a stage file, or of one of several axes."""
     if path.suffix not in (".yaml", ".yml"):
         return False
@@ -157,12 +156,14 @@ def tell(line: str) -> None:
 
 def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     """What writes one line of JSON for each event of a verb that goes on: to the file `target`, ``-`` for output."""
+    mark = {} if target == "-" else dict(WRITTEN_BY)  # of a file's first line
     if target is not None and target != "-":
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         write_text(Path(target), "")
 
     def write(event: dict[str, Any]) -> None:
-        line = json.dumps(event, allow_nan=False)
+        line = json.dumps({**mark, **event}, allow_nan=False)
+        mark.clear()
         if target == "-":
             tell(line)
         elif target is not None:

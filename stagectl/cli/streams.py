@@ -1,8 +1,9 @@
-"""Standard streams that the shell has closed (``2>&-``), and results of one command that go to one place."""
+"""What every command does with its words, with results that go to one place, and with streams that are closed."""
 
 from __future__ import annotations
 
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,26 @@ from typer.core import TyperCommand
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
+_NEGATIVE = re.compile(r"-\.?[0-9]")
 _RESULTS = ("output", "json", "report", "write", "state")  # options that name where a result goes
 
 
 class Verb(TyperCommand):
-    """A command whose results have places of their own."""
+    """A command whose results have places of their own, and for which ``-5 mm`` is a quantity and no option."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The words that begin as a negative number go behind a ``--``, except what an option takes."""
+        takes = {name for one in self.params if not getattr(one, "is_flag", True) for name in one.opts}
+        negative = [
+            place
+            for place, word in enumerate(args)
+            if _NEGATIVE.match(word) and "--" not in args[:place] and (not place or args[place - 1] not in takes)
+        ]
+        if negative and any(one.param_type_name == "argument" for one in self.params):
+            rest = [word for place, word in enumerate(args) if place not in negative]
+            cut = rest.index("--") if "--" in rest else len(rest)
+            args = [*rest[:cut], "--", *(args[place] for place in negative), *rest[cut + 1 :]]
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run it.  Raises StageError where two options name one file, of which one result alone would be left."""

@@ -9,10 +9,11 @@ be refused is never written.
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_args
 
 import yaml
 
@@ -31,6 +32,7 @@ from stagectl.replacing import replaced
 from stagectl.units import StageError, UnitError, quantity_of
 
 KEPT: Any = object()  # the value of an entry that stays as it is while its block becomes another one
+_NUMBER = re.compile(r"[+-]?[0-9.]+(e[+-]?[0-9]+)?", re.IGNORECASE)
 _MARK = b"\xef\xbb\xbf"
 
 
@@ -114,19 +116,23 @@ def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
 
 
 def _in_si(name: str, value: Any, hint: Any, lengths: Lengths) -> Any:
-    """One value; as it is where the file has no number there."""
-    if plain(without_none(hint)) is not float or isinstance(value, bool):
+    """One value, or each of a list; as it is where the file has no number there."""
+    kind, quantity = without_none(hint), quantity_of(hint)
+    if get_args(kind)[:1] == (float,) and isinstance(value, list | tuple):
+        return [_in_si(name, each, Annotated[float, quantity], lengths) for each in value]
+    if plain(kind) is not float or isinstance(value, bool):
         return value
     if isinstance(value, Real):
         return float(value)  # 3 is the number 3.0: both are written and read back in the same way
-    unit = lengths.unit_of(quantity_of(hint))
+    unit = lengths.unit_of(quantity)
     if not isinstance(value, str):
         reason = "must be a single value: a number in SI, or text with its unit"
         raise ConfigError(Problem(reason, ProblemKind.SHAPE, name, repr(value), unit))
     try:
         return lengths.number(value, unit)
     except UnitError as error:
-        raise ConfigError(Problem(str(error), ProblemKind.UNIT, name, value, unit)) from error
+        remedy = f"write '{value} {unit}', or the number {value}" if _NUMBER.fullmatch(value) else ""
+        raise ConfigError(Problem(str(error), ProblemKind.UNIT, name, value, unit, remedy=remedy)) from error
 
 
 def _with_block(before: Patched, name: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:

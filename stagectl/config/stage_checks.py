@@ -11,6 +11,7 @@ from typing import Any, get_type_hints
 from stagectl.compensation.rolling import GeneralisedMaxwell, ReversalTable
 from stagectl.config.bounds import DELAY_LINE, SAME_VALUE, WIDEST_SLIPS
 from stagectl.config.friction_laws import Operators, Rolling, friction_of
+from stagectl.config.plausibility import never_reached
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
@@ -21,6 +22,7 @@ from stagectl.number_format import duration, length
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
 
+TOO_DAMPED = 20.0  # times the current's force, that the damping may take at limits.speed; chosen: a slip is 1000
 _CONFLICT = ProblemKind.CONFLICT
 
 
@@ -83,7 +85,8 @@ def _following_error(file: StageFile) -> Iterator[Problem]:
     span = limits.travel[1] - limits.travel[0]
     if span > 0.0 and not count < limits.following_error < span:
         least, error, most = (size * axis.travel_per_unit for size in (count, limits.following_error, span))
-        reason = "must be more than one count of the encoder, and less than the span of limits.travel"
+        given = "step" if file.encoder.step else f"counts_per_revolution = {file.encoder.counts_per_revolution}"
+        reason = f"must be more than one count of encoder.{given}, and less than the span of limits.travel"
         interval, unit = f"({least:.4g}, {most:.4g})", axis.travel_unit
         yield Problem(reason, _CONFLICT, "limits.following_error", f"{error:g} {unit}", unit, interval)
 
@@ -119,11 +122,20 @@ def _drive(file: StageFile) -> Iterator[Problem]:
     if drive.telemetry.late > period:
         reason, late = "longer than control.period", duration(drive.telemetry.late)
         yield Problem(reason, _CONFLICT, "drive.telemetry.late", late, "s", f"[0, {period:g}]")
-    if drive.current_limit <= drive.continuous_current < math.inf:
-        reason = f"must be below drive.current_limit, {drive.current_limit:g} A, from which the drive folds back to it"
-        current = f"{drive.continuous_current:g} A"
-        yield Problem(reason, _CONFLICT, "drive.continuous_current", current, "A", f"(0, {drive.current_limit:g})")
+    yield from _continuous(file)
     yield from _held(file)
+
+
+def _continuous(file: StageFile) -> Iterator[Problem]:
+    """A current that may flow forever lies below the peak: else what watches it never acts."""
+    most = file.drive.current_limit
+    for key, current, otherwise in (
+        ("drive.continuous_current", file.drive.continuous_current, "from which the drive folds back to it"),
+        ("limits.continuous_current", file.limits.continuous_current, "or the motor's I2t never trips"),
+    ):
+        if current is not None and most <= current < math.inf:
+            reason = f"must be below drive.current_limit, {most:g} A, {otherwise}"
+            yield Problem(reason, _CONFLICT, key, f"{current:g} A", "A", f"(0, {most:g})")
 
 
 def _held(file: StageFile) -> Iterator[Problem]:
@@ -131,6 +143,7 @@ def _held(file: StageFile) -> Iterator[Problem]:
     friction, limit = sliding(friction_of(file.friction)), file.drive.current_limit
     most = limit * file.motor.force_constant
     if most > friction:
+        yield from _damped(file, most - friction)
         return
     unit = "N" if file.axis.kind == LINEAR else "N m"
     key = "friction.coulomb" if hasattr(file.friction, "coulomb") else "friction.weight"
@@ -138,6 +151,16 @@ def _held(file: StageFile) -> Iterator[Problem]:
     yield Problem(reason, _CONFLICT, key, f"{friction:.4g} {unit}", unit, f"[0, {most:.4g})")
     reason, holding = f"does not overcome {key}", friction / file.motor.force_constant
     yield Problem(reason, _CONFLICT, "drive.current_limit", f"{limit:g} A", "A", f"({holding:.4g}, inf)")
+
+
+def _damped(file: StageFile, left: float) -> Iterator[Problem]:
+    """Damping that takes many times the current at a limits.speed which the travel has room for."""
+    viscous, speed = file.mechanics.viscous, file.limits.speed
+    if viscous * speed > TOO_DAMPED * left and not never_reached(file):
+        unit = "N s/m" if file.axis.kind == LINEAR else "N m s/rad"
+        most = TOO_DAMPED * left / speed
+        reason = f"takes {viscous * speed / left:.3g} times the force of drive.current_limit at limits.speed"
+        yield Problem(reason, _CONFLICT, "mechanics.viscous", f"{viscous:g} {unit}", unit, f"[0, {most:.4g}]")
 
 
 def _transmission(file: StageFile) -> Iterator[Problem]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import yaml
 
@@ -110,7 +110,18 @@ def read_stage(reader: Reader, root: yaml.Node) -> StageFile | None:
     if not reader.problems:
         file = with_time_outs(file)
         reader.problems = [placed(problem, reader.path, root) for problem in conflicts(file, reader.path)]
+    reader.problems = [_elsewhere(problem) for problem in reader.problems]
     return file
+
+
+def _elsewhere(problem: Problem) -> Problem:
+    """An unknown entry of a block that another block has: it belongs there."""
+    block, _, word = problem.key.rpartition(".")
+    if problem.kind is not ProblemKind.UNKNOWN or block not in StageFile._fields:
+        return problem
+    hints = get_type_hints(StageFile)
+    others = [f"{name}.{word}" for name, kind in hints.items() if word in getattr(kind, "_fields", ())]
+    return problem._replace(remedy=f"did you mean {others[0]}?") if len(others) == 1 else problem
 
 
 def _lengths(reader: Reader, root: yaml.Node) -> Lengths | None:

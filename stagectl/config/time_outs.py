@@ -82,22 +82,6 @@ def too_far(file: StageFile) -> Iterator[Problem]:
         yield Problem(reason, ProblemKind.CONFLICT, "limits.free_distance", room, axis.travel_unit, remedy=remedy)
 
 
-def stops_beyond(file: StageFile) -> str:
-    """What to say of an axis that its own motor cannot stop within its travel; empty where it can.
-
-    Such an inertia, current or speed is a slip of the unit rather than a machine.
-    """
-    axis, (low, high) = axis_limits(file), file.limits.travel
-    way = axis.braking.distance(0.0)
-    if way <= high - low:
-        return ""
-    needed, room = (length(distance * axis.travel_per_unit, axis.travel_unit) for distance in (way, high - low))
-    return (
-        f"from limits.speed the axis stops within {needed} at the earliest, and limits.travel is {room}: check the "
-        "units of mechanics.inertia, motor.force_constant, drive.current_limit and limits.speed"
-    )
-
-
 def noticed_after(wire: Canopen) -> float:
     """Silence (s) after which a drive that takes all time-outs of `wire` notices the loss of its controller."""
     return min(wire.rpdo_timeout or math.inf, wire.heartbeat_timeout)

@@ -5,10 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.config.plausibility import decelerations
 from stagectl.config.stage_file import Setup
 from stagectl.drives import limits as decided
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import stage
+from stagectl.kernels.law import SETPOINT_COLUMNS
+from stagectl.motion_limits import LimitError
+from stagectl.number_format import length
+from stagectl.problem import Problem, ProblemKind
 from stagectl.realtime.safety import Envelope
 
 _SPEED = 1.1  # of limits.speed: what a reference at the limit overshoots
@@ -81,6 +89,39 @@ def braking(setup: Setup) -> float:
         return limits.deceleration
     effort = p.drive.current_limit * p.motor.force_constant + stage.sliding(p.friction) - abs(p.mechanics.bias)
     return min(setup.file.own_ramp, max(effort, 0.0) / p.mechanics.inertia)
+
+
+def check_braking(setup: Setup, rows: NDArray[np.float64]) -> None:
+    """Refuse a motion of these `rows` (n, 8) that the loop would stop as one that cannot brake within the travel.
+
+    Raises LimitError, which names the entry that brakes least.
+    """
+    p = envelope(setup)
+    reference, speed = (rows[:, SETPOINT_COLUMNS[name]] for name in ("reference", "velocity"))
+    room = np.where(speed > 0.0, p.high - reference, reference - p.low) + p.following_error
+    beyond = speed**2 > 2.0 * p.deceleration * room
+    if not beyond.any():
+        return
+    needed = float(np.max(speed**2 / (2.0 * np.maximum(room, p.following_error))))
+    raise _unbraked(setup, float(np.argmax(beyond)) * setup.dt, p.deceleration, needed)
+
+
+def _unbraked(setup: Setup, at: float, allowed: float, needed: float) -> LimitError:
+    """The refusal of a motion that needs a deceleration (rad/s^2 | m/s^2) at this time (s)."""
+    every, scale, unit = (
+        decelerations(setup.file),
+        setup.file.axis.travel_per_unit,
+        f"{setup.file.axis.travel_unit}/s^2",
+    )
+    entry = next(iter(every)) if "limits.deceleration" in every else min(every, key=lambda each: every[each])
+    value, least = (length(each * scale, unit) for each in (allowed, needed))
+    stops = f"at {at:.3g} s of the motion the axis could no longer stop within limits.travel"
+    remedy = f"nothing has moved; the motion needs {least}: check the unit, or make it slower"
+    if "," in entry:  # no entry of its own
+        problem = Problem(f"{stops}, as {entry} brake it with {value}", ProblemKind.LIMIT, unit=unit)
+    else:
+        problem = Problem(stops, ProblemKind.LIMIT, entry, value, unit)
+    return LimitError(problem._replace(remedy=remedy), needed * scale, allowed * scale)
 
 
 def _breakaway(p: stage.Stage) -> float:

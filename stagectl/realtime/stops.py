@@ -62,7 +62,8 @@ STOPS: dict[Fault, Stop] = {
     Fault.OPERATOR: Stop(Category.HOLD, "stopped by the operator", "", "the next command"),
     Fault.BRAKING: Stop(
         Category.RAMP, "the axis can no longer stop within limits.travel",
-        "Probable causes: a trajectory from the wrong start, a runaway", _LOOK),
+        "Probable causes: a runaway, a trajectory from the wrong start, or one too fast for limits.deceleration and the"
+        " drive's ramp", _LOOK),
     Fault.CURRENT: Stop(
         Category.RAMP, "the measured current exceeds limits.current",
         "Probable causes: the drive's current loop, a short circuit, a wrong current_scale", _LOOK),

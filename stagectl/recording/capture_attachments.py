@@ -19,8 +19,8 @@ from stagectl.kernels.law import Setpoint
 from stagectl.problem import ProblemKind
 from stagectl.recording.columns import Array
 from stagectl.recording.constants import EARLY
-from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
+from stagectl.recording.in_memory import header
 from stagectl.units import StageError, factor
 
 NAME = "injection_A"

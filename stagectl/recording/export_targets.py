@@ -6,18 +6,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from stagectl.problem import Problem, ProblemKind
+from stagectl.recording import export_marks
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.replacing import check_is_folder, check_replaceable
 
 SUFFIXES = {"csv": ".csv", "parquet": ".parquet", "mat": ".mat", "mcap": ".mcap", "trajectory": ".yaml"}
-# What stands in the beginning of each.
-_MARKS = {
-    "csv": "time_s",
-    "parquet": "PAR1",
-    "mat": "MATLAB 5.0 MAT-file",
-    "mcap": "MCAP0",
-    "trajectory": "# The reference of ",
-}
 
 
 def targets(recordings: list[Recording], to: str, path: Path | None) -> list[Path]:
@@ -32,7 +25,7 @@ def targets(recordings: list[Recording], to: str, path: Path | None) -> list[Pat
         _check_suffix(path, to)
     found = [path or recording.path.with_suffix(SUFFIXES[to]) for recording in recordings]
     for target in found:  # under a name that nobody typed may be what somebody has written
-        check_replaceable(target, _MARKS[to] if path else "")
+        check_replaceable(target, export_marks.MARKS[to] if path else "")
     return found
 
 
@@ -45,9 +38,11 @@ def check_folder(folder: Path, tables: Iterable[str], named: bool) -> None:
     check_is_folder(folder)
     for name in (CAPTURES, NOMINAL):
         check_replaceable(folder / name, WRITTEN if named else "")
+    listed = named and (folder / CAPTURES).is_file()  # a table alone may be a log of anybody
     for name in tables:
         for table in (name, injection_table(name), setpoints_table(name)):
-            check_replaceable(folder / table, "time_s," if table != setpoints_table(name) else "reference_")
+            mark = "time_s," if table != setpoints_table(name) else "reference_"
+            check_replaceable(folder / table, mark if listed else "")
 
 
 def injection_table(name: str) -> str:

@@ -10,7 +10,7 @@ import datetime
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,6 +33,8 @@ from stagectl.recording.export_targets import (
     targets,
 )
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
+from stagectl.recording.in_memory import header as header
+from stagectl.recording.in_memory import units_of
 from stagectl.recording.metadata import flat
 from stagectl.recording.nominal_yaml import nominal_of
 from stagectl.replacing import check_replaceable, replaced, write_text
@@ -88,17 +90,6 @@ def _losses(recording: Recording) -> list[str]:
 def units(recording: Recording) -> dict[str, str]:
     """SI unit of every column on this axis."""
     return units_of(recording.samples.dtype.names or (), recording.meta["axis"]["kind"])
-
-
-def units_of(columns: Iterable[str], kind: str) -> dict[str, str]:
-    """SI units of these columns, of an axis of this kind; a column that is not a quantity is left out."""
-    known = quantities()
-    return {name: known[name].unit_for(kind) for name in columns if name in known}
-
-
-def header(name: str, unit: str) -> str:
-    """A column's name with its unit: ``time_s``, ``ahead_velocity_rad_per_s``; a pure number keeps its name."""
-    return f"{name}_{unit.replace('/', '_per_').replace(' ', '')}" if unit else name
 
 
 def write_columns(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
@@ -162,9 +153,8 @@ def write_trajectory(recording: Recording, path: Path) -> list[str]:
     curve = Recorded(time, reference)
     fastest = AT_REST * float(np.abs(np.gradient(reference, time)).max(initial=0.0))
     ends = {"run_up": abs(curve.initial_velocity) > fastest, "run_out": abs(curve.final_velocity) > fastest}
-    table = path.with_name(f"{path.stem}-samples.csv")  # never over an export of all columns
-    check_replaceable(table, "time_s,reference_")
-    unit = units(recording)
+    table, unit = path.with_name(f"{path.stem}-samples.csv"), units(recording)
+    check_replaceable(table, f"time_s,{header('reference', unit['reference'])}\n" if path.is_file() else "")
     write_columns(table, {header(name, unit[name]): recording.column(name) for name in ("time", "reference")})
     lines = [f"# The reference of {recording.path.name} ({recording.meta['name']}).", "type: csv"]
     lines += [f"file: {json.dumps(table.name)}"]

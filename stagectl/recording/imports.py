@@ -26,6 +26,18 @@ from stagectl.recording.repair import repaired
 from stagectl.recording.scales import Scales, read_values
 from stagectl.recording.wrong_units import by_rows
 
+# How a file of another kind becomes one that can be imported, in Python.
+_MAT = "; to turn it: `scipy.io.savemat('{1}.mat', "
+_CSV = "; to turn it: `pandas."
+_TURNED = {
+    ".npz": _MAT + "dict(numpy.load('{0}')))`",
+    ".npy": _MAT + "dict(data=numpy.load('{0}')))`",
+    ".parquet": _CSV + "read_parquet('{0}').to_csv('{1}.csv', index=False)`",
+    ".feather": _CSV + "read_feather('{0}').to_csv('{1}.csv', index=False)`",
+    ".json": _CSV + "read_json('{0}').to_csv('{1}.csv', index=False)`",
+    ".pkl": _CSV + "read_pickle('{0}').to_csv('{1}.csv', index=False)`",
+}
+
 
 def read(
     path: Path,
@@ -61,6 +73,7 @@ def read(
     reason = (
         f"{path} cannot be imported; these can: .csv with a header of quantities and units "
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
+        f"{_TURNED.get(kind, '').format(path, path.with_suffix(''))}"
     )
     raise RecordingError(reason, path, ProblemKind.SHAPE)
 

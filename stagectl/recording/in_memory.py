@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
-from stagectl.problem import ProblemKind
+from stagectl.problem import ProblemKind, nearest
 from stagectl.recording.file_lock import RecordingError
 from stagectl.units import Quantity, quantity_of
 
@@ -43,7 +44,10 @@ class Recording(NamedTuple):
     def column(self, name: str) -> NDArray[np.float64]:
         """One column, (n,), SI.  Raises RecordingError naming the columns there are."""
         if name not in (self.samples.dtype.names or ()):
-            reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
+            names = self.samples.dtype.names or ()
+            near = nearest(name, names)
+            there = f"did you mean {near}?" if near else f"it has {', '.join(names)}"
+            reason = f"{self.path} has no column {name}; {there}"
             raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)
         return np.asarray(self.samples[name], dtype=np.float64)
 
@@ -62,8 +66,18 @@ def quantities() -> dict[str, Quantity]:
     return known
 
 
+def units_of(columns: Iterable[str], kind: str) -> dict[str, str]:
+    """SI units of these columns, of an axis of this kind; a column that is not a quantity is left out."""
+    known = quantities()
+    return {name: known[name].unit_for(kind) for name in columns if name in known}
+
+
+def header(name: str, unit: str) -> str:
+    """A column's name with its unit: ``time_s``, ``ahead_velocity_rad_per_s``; a pure number keeps its name."""
+    return f"{name}_{unit.replace('/', '_per_').replace(' ', '')}" if unit else name
+
+
 def column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[str, str]:
     """Units and meanings of these columns of an axis, each as JSON."""
-    known = quantities()
-    units = {name: known[name].unit_for(axis["kind"]) for name in columns if name in known}
+    known, units = quantities(), units_of(columns, axis["kind"])
     return {"units": json.dumps(units), "meanings": json.dumps({n: known[n].meaning for n in units})}

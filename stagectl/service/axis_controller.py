@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 from stagectl import design
 from stagectl.compensation import model_effects
 from stagectl.config.lengths import Lengths
+from stagectl.config.machine_file import split
 from stagectl.config.stage_file import Setup
 from stagectl.config.unit_format import worded
 from stagectl.kernels import rollout, stage
@@ -22,10 +23,13 @@ from stagectl.realtime.states import Event, State, why_not
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.service.axis_status import Shown
+from stagectl.service.file_in_use import FileInUse
 from stagectl.service.job_from_stage import CALM, calm, orders
+from stagectl.service.pace import ServiceError as ServiceError
+from stagectl.service.pace import check_time
 from stagectl.service.planning import Motion, Task, Upload, leaving
 from stagectl.trajectories import Dwell, Experiment, SCurve
-from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
+from stagectl.units import Quantity, UnitError, parse, quantity_of
 
 _JERK_TIME = 0.02  # s in which a move's acceleration rises, unless a jerk is asked for
 STARTING = "starting: the real-time process is not ready yet; nothing moves, orders are refused"
@@ -35,10 +39,6 @@ RESTARTING = (
 )
 BLACKBOX = 14.0  # s that the ring holds at least
 COLUMNS = (*rollout.COLUMNS, "state")
-
-
-class ServiceError(StageError):
-    """An order that the service cannot carry out: why, and what to do instead."""
 
 
 class AbsentError(ServiceError):
@@ -64,6 +64,7 @@ class AxisController:
         self.name, self.setup = name, setup
         self.control = setup.file.control
         self.controller = setup.controller
+        self._file = FileInUse(split(setup.path)[0])
         self._silence = STARTING  # the words of its state until the real-time process reports one
         self.begin()
 
@@ -114,10 +115,7 @@ class AxisController:
                 f"{self.name}: drive.current_limit carries the axis at no more than "
                 f"{self.effort / p.viscous * scale:.3g} {unit}/s: take a lower speed"
             )
-        slope = min(limits.acceleration, CALM * left / p.inertia) if acceleration is None else acceleration
-        if not speed > 0.0 or not slope > 0.0:
-            raise ServiceError(f"{self.name}: speed and acceleration of a move must be above 0")
-        return speed, slope
+        return speed, min(limits.acceleration, CALM * left / p.inertia) if acceleration is None else acceleration
 
     @property
     def status(self) -> Status:
@@ -141,7 +139,7 @@ class AxisController:
     def shown(self) -> Shown:
         """What must be known to show its status."""
         axis = self.setup.file.axis
-        return Shown(self.name, axis.travel_per_unit, axis.travel_unit, self._silence)
+        return Shown(self.name, axis.travel_per_unit, axis.travel_unit, self._silence, self._file.changed())
 
     # motions
 
@@ -154,7 +152,9 @@ class AxisController:
             None if speed is None else speed / scale, None if acceleration is None else acceleration / scale
         )
         velocity, slope = (value * scale for value in pace)
-        return self.task("move", SCurve(distance, velocity, slope, slope / _JERK_TIME, 0.0, 1, True))
+        curve = SCurve(distance, velocity, slope, slope / _JERK_TIME, 0.0, 1, True)
+        check_time(self.name, self.setup, curve, (speed is not None, acceleration is not None))
+        return self.task("move", curve)
 
     def task(self, name: str, trajectory: Experiment | Upload) -> Task:
         """The task to lay out a motion from where the axis stands; see `planning`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from stagectl.drives.canopen.cia402 import LIMITED
@@ -24,6 +24,7 @@ class Shown(NamedTuple):
     scale: float  # travel (m | rad) per axis unit
     unit: str  # of travel
     unborn: str  # words for its state until the real-time process reports one
+    warnings: Sequence[str] = ()  # that do not come from its drive
 
 
 def answers(statuses: Iterable[Status], now: float) -> bool:
@@ -51,7 +52,7 @@ def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str,
         **lengths,
         "current": None if unheard else finite(status.current),
         "statusword": int(status.statusword),
-        "warnings": [_LIMIT_ACTIVE] if int(status.statusword) & LIMITED and not silent else [],
+        "warnings": [*([_LIMIT_ACTIVE] if int(status.statusword) & LIMITED and not silent else []), *shown.warnings],
         "homed": bool(status.homed),
         "in_position": status.settled > 0.0 and not silent,
         "progress": status.row / status.rows if status.rows and not silent else None,
@@ -60,6 +61,13 @@ def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str,
         "faults": int(status.faults),
         "stop_time": status.stop_time,
     }
+
+
+def noted(notes: Mapping[str, str] | None, machine: dict[str, Any]) -> dict[str, Any]:
+    """The status of a machine with a warning more for each axis that has a note."""
+    for axis in machine["axes"]:
+        axis["warnings"] += [note for name, note in (notes or {}).items() if name == axis["axis"]]
+    return machine
 
 
 def _words(shown: Shown, status: Status, now: float, silent: bool) -> str:

@@ -51,3 +51,6 @@ HELD = 0.3  # s without a sign that it is, after which the axis brakes: three si
 JOG_LOOK = 0.01  # s between two looks at that
 FURTHEST = 10.0  # s of motion that one press gives at most
 PRESSES = 256  # presses that have ended and are remembered, so that a late message begins none of them again
+
+# Processes (`processes`, and `web.server` as the service begins).
+AT_ONCE = 0.2  # s after a child's end in which a signal to all processes counts as its cause

@@ -11,11 +11,13 @@ from stagectl.realtime.shared_memory import CUT, HOLD, INTERFACE, Board, Order
 from stagectl.realtime.states import Event, State, why_not
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.limits import MOTIONS_WAITING
+from stagectl.service.pace import check_pace
 from stagectl.service.planning import Task, Upload
 from stagectl.service.service import Service
 from stagectl.units import UnitError, parse
 
 _ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take
+_NO_HOME = "the stage file has no homing: this position is taken as right, nothing was searched"
 Layout = Callable[[], Task | None]  # None: the axis is there already
 
 
@@ -76,13 +78,14 @@ class OrderHandler:
             if axis.state is not State.DISABLED:
                 await self._connect(axis, Event.RESET)
 
-    async def home(self, axes: list[AxisController]) -> None:
-        """Find the home, one axis after the other."""
+    async def home(self, axes: list[AxisController]) -> dict[str, str]:
+        """Find the home, one axis after the other; of an axis without a method, what was done in its place."""
         for axis in axes:
             await self.service.order(axis, Order(Event.HOME))
             if not await self.service.settle(axis) or not axis.status.homed:
                 raise ServiceError(f"{axis.name}: not homed: {axis.board.words or 'it was stopped'}")
             axis.finished(False)  # it stands where no plan has left it: nothing is known of its friction
+        return {axis.name: _NO_HOME for axis in axes if axis.setup.file.homing.method == "none"}
 
     async def move(
         self, to: dict[str, str], by: dict[str, str], pace: tuple[str | None, str | None], wait: bool
@@ -158,12 +161,13 @@ class OrderHandler:
         unit, scale = axis.setup.file.axis.travel_unit, axis.setup.file.axis.travel_per_unit
         text, absolute = where
         distance = value_of(text, unit)
+        speed = value_of(pace[0], f"{unit}/s") if pace[0] else None
+        acceleration = value_of(pace[1], f"{unit}/s^2") if pace[1] else None
+        check_pace(axis.name, axis.setup, speed, acceleration)
         if absolute:
             distance -= axis.status.reference * scale
         if abs(distance) < 1e-12:
             return None
-        speed = value_of(pace[0], f"{unit}/s") if pace[0] else None
-        acceleration = value_of(pace[1], f"{unit}/s^2") if pace[1] else None
         return axis.move(distance, speed, acceleration)
 
     async def _run(self, planned: Sequence[tuple[AxisController, Layout]], wait: bool) -> None:

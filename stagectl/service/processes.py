@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ from stagectl.service.black_box import BlackBoxOrder
 from stagectl.service.child_process import Child, start
 from stagectl.service.confined import rank
 from stagectl.service.foxglove_live import Feed, Source
-from stagectl.service.limits import LOOP
+from stagectl.service.limits import AT_ONCE, LOOP
 from stagectl.service.recordings import about
 from stagectl.service.stop_link import ServicePaths
 from stagectl.service.stop_path import StopPost
@@ -50,6 +51,13 @@ def _start_stop_path(axes: list[AxisController], socket: int, alive: int) -> Chi
     return child
 
 
+async def heard_of(exit_code: int) -> str:
+    """How a process ended; where it did in order it was told to, and so is the service in a moment, which then ends."""
+    if exit_code == 0:
+        await asyncio.sleep(AT_ONCE)
+    return ending(exit_code)
+
+
 def _start_foxglove(axes: list[AxisController], address: tuple[str, int], alive: int) -> Child:
     """Start Foxglove's server for these axes at `address`."""
     child = start("stagectl.service.foxglove_live", (*(axis.ring.descriptor for axis in axes), alive), "interpreted")
@@ -58,7 +66,8 @@ def _start_foxglove(axes: list[AxisController], address: tuple[str, int], alive:
 
 
 def _source(axis: AxisController) -> Source:
-    from stagectl.recording.exports import described, units_of  # large imports, seldom needed
+    from stagectl.recording.exports import described  # large imports, seldom needed
+    from stagectl.recording.in_memory import units_of
     from stagectl.recording.mcap_log import definition
 
     ring, fields = axis.ring, described(units_of(COLUMNS, axis.setup.file.axis.kind))

@@ -211,7 +211,7 @@ class Service:
         """A new real-time process; the axes come back without power, after the drives have stopped."""
         now = time.monotonic()
         self._deaths = [when for when in self._deaths if now - when < _DEATH_TIME] + [now]
-        words = f"the real-time process died ({processes.ending(ended)}); the drive stops on its own time-outs"
+        words = f"the real-time process died ({await processes.heard_of(ended)}); the drive stops on its own time-outs"
         self.note("", "process_died", f"{words}. A new process starts after them; next: `stagectl enable`")
         if len(self._deaths) > _DEATHS:
             raise ServiceError(

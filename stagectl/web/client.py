@@ -107,7 +107,10 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None, 
 def nobody(path: Path, cause: Exception) -> ControlError:
     """What to say where nothing answers on `path`: no socket, a service that has lost its own, or no service."""
     if path.exists() and not path.is_socket():
-        remedy = "name the control socket of a service, or leave out --socket"
+        set_so = os.environ.get("STAGECTL_SOCKET") == str(path)
+        remedy = (
+            f"name the control socket of a service, or {'unset $STAGECTL_SOCKET' if set_so else 'leave out --socket'}"
+        )
         return ControlError(Problem(f"{path} is no socket", ProblemKind.FILE, remedy=remedy, file=path))
     if _runs(path):
         runs = "a service runs, or still stops its axes"

@@ -21,6 +21,7 @@ from stagectl.problem import nearest
 from stagectl.realtime.shared_memory import BoardFullError
 from stagectl.service import planning
 from stagectl.service.axis_controller import AbsentError, AxisController, ServiceError
+from stagectl.service.axis_status import noted
 from stagectl.service.jog import Jogs
 from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
@@ -237,12 +238,11 @@ def _reading(app: FastAPI, service: Service) -> None:
 
 
 def _moving(app: FastAPI, orders: OrderHandler) -> None:
-    def verb(path: str, order: Callable[[list[AxisController]], Awaitable[None]]) -> None:
+    def verb(path: str, order: Callable[[list[AxisController]], Awaitable[dict[str, str] | None]]) -> None:
         async def do(request: Request, axis: AxisName = "") -> dict[str, Any]:
             if f"/v1/{path}" not in STOPS:
                 await check_no_body(request)
-            await order(orders.service.chosen(axis))
-            return orders.service.machine_json()
+            return noted(await order(orders.service.chosen(axis)), orders.service.machine_json())
 
         do.__name__ = path.replace("-", "_").replace("/", "_")
         app.post(f"/v1/{path}", response_model=Machine, responses=_REFUSALS, description=order.__doc__)(do)

@@ -49,6 +49,5 @@ LARGEST_NUMBER = 2**50  # of a request: a float64 carries it back, which is exac
 EDGES = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # s
 KEPT = 60.0  # s that it covers
 
-# The service as it begins (`server`), and exports (`export`).
-AT_ONCE = 0.2  # s after a child's end in which a signal to all processes counts as its cause
+# Exports (`export`).
 BLOCK = 1 << 18  # bytes of an export that are sent at a time

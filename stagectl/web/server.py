@@ -19,14 +19,14 @@ import websockets  # noqa: F401  uvicorn imports it by name, and hides its absen
 
 from stagectl.service import shutdown_signals
 from stagectl.service.axis_controller import ServiceError
-from stagectl.service.limits import BACKLOG, DESCRIPTORS, IDLE_TIME
+from stagectl.service.limits import AT_ONCE, BACKLOG, DESCRIPTORS, IDLE_TIME
 from stagectl.service.service import LOOK, Service
 from stagectl.service.single_instance import handed_over, notify, serving
 from stagectl.web import assets
 from stagectl.web.access_control import Check, Keys, at_home, by_key, guarded, same_site, secret
 from stagectl.web.bodies import Bodies
 from stagectl.web.http import application
-from stagectl.web.limits import AT_ONCE, MESSAGE
+from stagectl.web.limits import MESSAGE
 from stagectl.web.routes import Port
 from stagectl.web.seats import Guest, Live, Seats, seated
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -27,8 +27,9 @@ from stagectl.kernels.law import Setpoint
 from stagectl.motion_limits import beyond_current, check_noticeable
 from stagectl.plan import Plan, Start, plan
 from stagectl.problem import Problem, ProblemKind
+from stagectl.realtime.envelope import check_braking
 from stagectl.recording.file_lock import sweep
-from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, repair
+from stagectl.recording.hdf5 import Recording, RecordingError, check_target, open_recording, repair
 from stagectl.recording.in_memory import lacking
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
@@ -84,8 +85,8 @@ def lay_out(
     layers = sorted(frozenset(setup.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)
     meta = {**about, "without": sorted(without), "layers": layers}
-    if recording is not None and not recording.is_dir():
-        check_name(recording)
+    if recording is not None:
+        check_target(recording)
     place = recording or unused(Path(commanded.name).stem, ".h5")
     motion = Motion(setup, laid_out, controller.law, meta, place, located=located if laid_out.effects else None)
     return motion if learned is None else _with_learned(motion, learned)
@@ -134,6 +135,7 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     """
     _check_wire(motion.setup, say)
     _repair(motion.recording.parent, say)
+    check_braking(motion.setup, motion.plan.setpoints)
     if words := beyond_current(motion.setup, motion.plan.setpoints):
         say(words)
     with drive_present(motion.setup, say):
@@ -143,15 +145,24 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     if waits_for_sync(motion.setup):
         say(f"the virtual drive waits for SYNC: late cycles change nothing, each time-out is at least {HELD_UP:g} s")
     interrupted = _interrupted(ended, motion)
-    if ended.fault and not interrupted:
-        say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}".rstrip())
     fault = ended.words or ("" if ended.recorded else "the recorder stopped before the motion did")
     recording = open_recording(motion.recording)
     if lacks := _lacks(ended, recording):
         say(lacks)
     result = evaluate(recording.samples, recording.meta)
+    if ended.fault and not interrupted:
+        cause = _limited(ended, result, motion.setup) or ended.reason
+        say(f"stopped after {ended.cycles} cycles: {ended.words}. {cause}".rstrip())
     counts = {"cycles": ended.cycles, "late_cycles": ended.late, "lost_rows": recording.lost_rows, "fault": fault}
     return {**result, **counts, "interrupted": interrupted, "recording": str(motion.recording), "simulated": False}
+
+
+def _limited(ended: Ended, result: Mapping[str, Any], setup: Setup) -> str:
+    """Why the axis did not follow, where the current was at its limit; empty where it was not."""
+    if ended.fault != Fault.FOLLOWING_ERROR or not (cycles := result["saturated_cycles"]):
+        return ""
+    limit = f"drive.current_limit, {setup.file.drive.current_limit:g} A, was reached in {cycles} of {result['cycles']}"
+    return f"{limit} cycles: the motion, or what loads the axis, takes more current"
 
 
 def _repair(folder: Path, say: Say) -> None:

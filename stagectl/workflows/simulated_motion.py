@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Fault
 from stagectl.evaluation import evaluate
+from stagectl.number_format import length
 from stagectl.realtime.safety import words
 from stagectl.recording.hdf5 import Recording, save
 from stagectl.service.single_motion import Motion
@@ -19,6 +20,7 @@ from stagectl.units import StageError
 if TYPE_CHECKING:
     from stagectl.simulation import FrictionLaw
 
+MOST_GIVEN = 0.9  # of the work that a friction takes; chosen: what is elastic in one gives back less in a whole motion
 # (motion, s on the session's clock) -> rows (n,) as in a recording, of a machine that no stage file describes.
 Elsewhere = Callable[[Motion, float], NDArray[Any]]
 
@@ -45,12 +47,13 @@ def simulated(
 
     if plant is not None:
         _check_plant(motion.setup, plant)
+    about: dict[str, Any] = {"drive": "simulated, compiled", "plant": str((plant or motion.setup).path)}
     if friction is None:
-        samples, engine = simulate(motion.setup, motion.plan, motion.law, plant, start), "simulated, compiled"
+        samples = simulate(motion.setup, motion.plan, motion.law, plant, start)
     else:
-        samples = simulate_with_friction(motion.setup, motion.plan, motion.law, friction, plant)
-        engine = "simulated, with a friction law of the user"
-    meta = {**motion.meta, "drive": {"drive": engine, "plant": str((plant or motion.setup).path)}}
+        samples, work = simulate_with_friction(motion.setup, motion.plan, motion.law, friction, plant)
+        about |= {"drive": "simulated, with a friction law of the user", "friction_work": vars(work)}
+    meta = {**motion.meta, "drive": about}
     return Recording(motion.recording, meta, samples, True, "complete", 0)
 
 
@@ -64,6 +67,16 @@ def simulated_result(motion: Motion, recording: Recording) -> dict[str, Any]:
     achieved = evaluate(recording.samples, recording.meta)
     stopped = envelope(motion.setup, recording.samples)
     return {**achieved, **stopped, "recording": str(recording.path), "simulated": True}
+
+
+def gave(recording: Recording) -> list[str]:
+    """A note on a friction law of the user that moves the axis instead of braking it."""
+    work = recording.meta["drive"].get("friction_work")
+    if work is None or work["given"] <= MOST_GIVEN * work["taken"]:
+        return []
+    given, taken = (f"{work[name]:.3g} J" for name in ("given", "taken"))
+    remedy = "it must act against the motion, and change little within an integration step"
+    return [f"the friction function gave the axis {given} and took {taken}, as no friction does: {remedy}"]
 
 
 def _check_plant(setup: Setup, plant: Setup) -> None:
@@ -89,4 +102,9 @@ def envelope(setup: Setup, samples: NDArray[Any]) -> dict[str, Any]:
     if first is None:
         return {"fault": ""}
     at = float(samples["time"][first[0]])
-    return {"fault": f"{words(first[1])} at {at:.6g} s: `run` would stop there", "in_position": False}
+    fault = f"{words(first[1])} at {at:.6g} s: `run` would stop there"
+    if outside.any() and first[1] is not Fault.TRAVEL:
+        axis, left = setup.file.axis, int(np.argmax(outside))
+        farthest = length(float(np.abs(samples["measured"]).max()) * axis.travel_per_unit, axis.travel_unit)
+        fault += f"; without a stop it left limits.travel at {samples['time'][left]:.6g} s, and got {farthest} away"
+    return {"fault": fault, "in_position": False}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,15 @@ def test_the_friction_of_the_model_as_a_law_of_ones_own(stage: DesignedStage, ru
 
     own = sc.simulate(stage, SINE, friction=law)
     assert 1e-6 < float(np.max(np.abs(own["true_position"] - run["true_position"]))) < 8e-6
+
+
+def test_a_friction_that_moves_the_axis_is_noted(stage: DesignedStage) -> None:
+    """Held over a step, a force that is far too steep throws the axis to and fro, and out of its travel."""
+    run = sc.simulate(stage, SINE, friction=lambda velocity, position, step: math.copysign(1e9, velocity))
+    assert len(run.notes) == 1 and run.summary["fault"]
+    assert run.sheet().answer.startswith(run.summary["fault"][1:20], 1)
+    helped = sc.simulate(stage, SINE, friction=lambda velocity, position, step: -0.01 * velocity)
+    assert len(helped.notes) == 1 and not helped.summary["fault"]
 
 
 def test_a_law_that_cannot_be_simulated(stage: DesignedStage) -> None:

@@ -223,6 +223,7 @@ REFUSED: list[tuple[str, str, dict[str, object]]] = [
         {"kind": CONFLICT, "key": "drive.dead_time", "interval": "[0, 0.003]"},
     ),
     ("current_limit: 15 A", "continuous_current: 15 A", {"kind": CONFLICT, "key": "drive.continuous_current"}),
+    ("limits:", "continuous_current: 15 A", {"kind": CONFLICT, "key": "limits.continuous_current"}),
     ("current_limit: 15 A", "telemetry: {late: 0.6 ms}", {"key": "drive.telemetry.late", "interval": "[0, 0.0005]"}),
     ("elements: 12", "asymmetry: 110 %", {"kind": RANGE, "key": "friction.asymmetry", "interval": "[-1, 1]"}),
     ("viscous: 0.14 N m s/rad", "transmission: {backlash: 1 um}", {"kind": CONFLICT, "key": "mechanics.transmission"}),

@@ -12,13 +12,16 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Fault, Feedback
 from stagectl.kernels import rollout
+from stagectl.motion_limits import LimitError
 from stagectl.plan import plan
-from stagectl.realtime.envelope import acceleration, braking, envelope
+from stagectl.problem import ProblemKind
+from stagectl.realtime.envelope import acceleration, braking, check_braking, envelope
 from stagectl.realtime.safety import FRESH, Envelope, Observation, Watch, detail, judge, words
 from stagectl.realtime.stops import STOPS, Category
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
 from tests.conftest import varied
+from tests.problems import refused
 
 DT = 1e-3
 P = Envelope(low=-1.0, high=2.0, speed=10.0, following_error=0.1, late_limit=5)
@@ -240,3 +243,21 @@ def test_the_fault_names_both_currents() -> None:
     assert "2 A" in text and "5 A" in text and "bit 11" not in text
     limited = clamped._replace(feedback=clamped.feedback._replace(statusword=0x0E37))
     assert "bit 11" in detail(Fault.CLAMPED, FRESH, limited)
+
+
+@pytest.mark.parametrize(
+    ("weak", "key"),
+    [
+        ({"limits": {"deceleration": 1e-3}}, "limits.deceleration"),
+        ({"wire": {"quick_stop_deceleration": 1e-3}}, "drive.wire.quick_stop_deceleration"),
+    ],
+)
+def test_a_motion_that_would_be_stopped_for_its_braking_does_not_begin(
+    ball_screw: Setup, weak: dict[str, Any], key: str
+) -> None:
+    screw, file = ball_screw, ball_screw.file
+    rows = plan(screw, Sine(5e-3, 1.6, 2.0, 1.0), screw.controller.feedforward).setpoints
+    check_braking(screw, rows)
+    slow = screw.having(limits=file.limits._replace(**weak.get("limits", {}))).with_wire(**weak.get("wire", {}))
+    with refused(LimitError, kind=ProblemKind.LIMIT, key=key):
+        check_braking(slow, rows)

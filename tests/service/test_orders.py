@@ -125,3 +125,10 @@ def test_the_service_says_that_the_current_against_an_effect_is_limited(ball_scr
     bench = Bench(ball_screw._replace(stage=p._replace(motor=p.motor._replace(cogging=cogging))), tmp_path)
     outcome = bench.serve(bench.move("3 mm"))
     assert any(line.startswith("axis: move: ") and "motor.cogging would take" in line for line in bench.said), outcome
+
+
+def test_homing_without_a_method_says_what_was_done(bench: Bench) -> None:
+    async def homed() -> None:
+        assert list(await bench.orderly.home([bench.axis])) == ["axis"]
+
+    assert bench.serve(homed()) == [None]

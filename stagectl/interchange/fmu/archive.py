@@ -44,7 +44,7 @@ def write(setup: Setup, path: Path, with_compiler: str | None) -> None:
 
     Raises CompileError, and OSError where the file cannot be written.
     """
-    check_replaceable(path, "PK")
+    check_replaceable(path, _ours)
     identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     identifier = f"_{identifier}" if identifier[0].isdigit() else identifier
     with TemporaryDirectory() as temporary:
@@ -53,6 +53,14 @@ def write(setup: Setup, path: Path, with_compiler: str | None) -> None:
         if with_compiler is not None:
             _compile(with_compiler, folder, identifier)
         _zip(folder, path)
+
+
+def _ours(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return b'generationTool="stagectl' in archive.read("modelDescription.xml")
+    except (zipfile.BadZipFile, KeyError):
+        return False
 
 
 def _sources(setup: Setup, folder: Path, identifier: str) -> None:

@@ -21,6 +21,8 @@ def answer(result: dict[str, Any], samples: NDArray[Any]) -> str:
     if fault is not None:
         at = float(samples["time"][np.flatnonzero(samples["fault"] != Fault.NONE)[0]])
         return f"Stopped after {at:.3g} s: {fault.name.lower().replace('_', ' ')}."
+    if would := result.get("fault"):  # of a model, which nothing stops
+        return f"{would[0].upper()}{would[1:]}. Its error goes up to {length(error['peak'], unit)}."
     lost = lacking(result.get("lost_rows", 0), len(samples))
     if lost and error["peak"] is None:
         return f"{lost[0].upper()}{lost[1:]}, and without them nobody knows how it went."
