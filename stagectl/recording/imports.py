@@ -111,9 +111,9 @@ def _recording(log: Log) -> Recording:
     samples = np.empty(len(time), dtype=[(name, "<f8") for name in names])
     for name in names:
         samples[name] = log.columns.pop(name)  # a long log is in memory once
-    samples["time"] -= time[0]
+    first, duration, scales = float(time[0]), float(time[-1] - time[0]), log.scales
+    samples["time"] -= first
     missing = without(names)
-    duration, scales = float(time[-1] - time[0]), log.scales
     meta = {
         "name": log.path.stem,
         "trajectory": log.path.stem,
@@ -124,7 +124,7 @@ def _recording(log: Log) -> Recording:
         "nm": None,
         "steady": [0.0, duration],
         "duration": duration,
-        "source": {"file": log.path.name, "sha256": _digest(log.path)},
+        "source": {"file": log.path.name, "sha256": _digest(log.path), "first_time": first},
         "notes": [*log.notes, *missing],
         "versions": versions(),
         **log.about,

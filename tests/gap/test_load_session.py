@@ -357,3 +357,17 @@ def test_a_delay_counts_control_periods_whatever_the_log(recordings: list[Path],
     late = setup.stage.drive.delay_samples * setup.dt
     drive = load([_thinned(tmp_path / "slow.csv", recordings[0], 4, "current_A")], setup).stage.drive
     assert (drive.delay_samples, drive.dead_time) == (0, pytest.approx(late)) and late < 2e-3
+
+
+@pytest.mark.parametrize(("second", "starts"), [(25.0, [0.0, 25.0]), (0.0, [0.0, 0.0]), (0.1, [0.0, 0.0])])
+def test_logs_that_follow_each_other_are_of_one_clock(
+    recordings: list[Path], tmp_path: Path, second: float, starts: list[float]
+) -> None:
+    """Time stamps that go on from log to log tell when each was recorded; those that overlap tell nothing."""
+    paths = [_thinned(tmp_path / f"{name}.csv", recordings[0], 1) for name in ("a", "b")]
+    rows = np.loadtxt(paths[1], delimiter=",", skiprows=1)
+    rows[:, 0] += second
+    np.savetxt(paths[1], rows, delimiter=",", header="time_s,position_rad,command_A,current_A", comments="")
+    session = load(paths, load_stage(CONFIG / "ball-screw.yaml"))
+    assert [log.start for log in session.logs] == pytest.approx(starts)
+    assert any("session clock" in sentence for sentence in session.cannot_tell) == (starts[1] == 0.0)

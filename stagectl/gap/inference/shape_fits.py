@@ -142,11 +142,12 @@ SIGNED = ("speed", "displacement_since_reversal")  # coordinates whose table goe
 def best_of(fits: list[ShapeFit]) -> ShapeFit:
     """The fit with the largest gain, or one nearly as good that the stage model's table can hold.
 
-    A little more gain is no reason for a richer function: a table can only be written where the model has one.
+    A little more gain is no reason for a richer function: a table can only be written where the model has one.  Nor is
+    it one for the current, with which a controller answers whatever is missing.
     """
     largest = max(fit.gain for fit in fits)
     near = [fit for fit in fits if fit.gain >= NEARLY_BEST_SHAPE * largest]
-    return min(near, key=lambda fit: (not _tabled(fit), -fit.gain))
+    return min(near, key=lambda fit: (fit.basis.coordinate == "current", not _tabled(fit), -fit.gain))
 
 
 def _tabled(fit: ShapeFit) -> bool:

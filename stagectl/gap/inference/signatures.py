@@ -26,7 +26,7 @@ from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import FoundEffect, Value
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.kernels.stage import Stage
+from stagectl.kernels.stage import Drive, Stage
 from stagectl.parallel import in_parallel
 
 
@@ -56,7 +56,7 @@ def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, 
     if np.isfinite(e.runs[0].mean.rows[:, 2]).all() and all(log.exact for run in e.runs for log in run.logs):
         runs = missing_currents(now.equipped, e)
         logs = [log for run in runs for log in run]
-        candidates += [quantised(session.stage.drive.delay_samples, logs), jittered(runs)]
+        candidates += [quantised(session.stage.drive, logs), jittered(runs)]
     return [signature for signature in candidates if signature and signature.effect.name not in excluded]
 
 
@@ -90,17 +90,20 @@ def _along(p: TrackedModel, later: TrackedModel, path: MeasuredPath, keep: NDArr
     )
 
 
-def quantised(delay: int, logs: list[MissingCurrent]) -> DriveSignature | None:
-    """Steps of the command, by the spectrum of the missing current over the command.
+def quantised(drive: Drive, logs: list[MissingCurrent]) -> DriveSignature | None:
+    """Steps of the command, by the spectrum of the missing current over the command; not those of the modelled `drive`.
 
-    `delay` is that of the modelled drive in samples; up to two more are tried.  The first harmonic of a saw tooth is
-    ``step / pi``.  One histogram of the missing current over the command, and its Fourier transform, try all steps at
-    once.
+    Its delay in samples and up to two more are tried.  The first harmonic of a saw tooth is ``step / pi``.  One
+    histogram of the missing current over the command, and its Fourier transform, try all steps at once.  Where the
+    machine has no such steps as the model, the model's own are found: they are no effect of the machine.
     """
-    lines = [line for shift in range(delay, delay + 3) if (line := _line(logs, shift)) is not None]
+    first = drive.delay_samples
+    lines = [line for shift in range(first, first + 3) if (line := _line(logs, shift)) is not None]
     if not lines:
         return None
     _, step, width = max(lines, key=lambda line: line[0])
+    if abs(step - drive.current_quantum) <= width:
+        return None
     return _signature("current_quantisation", "step", Value(step, step - width, step + width, "A"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -162,9 +163,9 @@ def _number(recording: Recording, entry: dict[str, Any], key: str) -> float | No
 
 
 def _on_one_clock(logs: list[RawLog]) -> list[RawLog]:
-    """Repeats numbered, and our own recordings on a clock that starts with the first of them."""
+    """Repeats numbered, and logs that know it on a clock that starts with the first of them."""
     counts: dict[str, int] = {}
-    created = [_created(log) for log in logs]
+    created = _one_after_the_other(logs) or [_created(log) for log in logs]
     first = min((instant for instant in created if instant is not None), default=0.0)
     placed = []
     for log, instant in zip(logs, created, strict=True):
@@ -173,6 +174,15 @@ def _on_one_clock(logs: list[RawLog]) -> list[RawLog]:
         repeat = counts[log.experiment] if log.repeat is None else log.repeat
         placed.append(log._replace(start=start, repeat=repeat))
     return placed
+
+
+def _one_after_the_other(logs: list[RawLog]) -> Sequence[float | None]:
+    """The first time stamps (s) of logs from elsewhere that go on where others have ended: of one clock; else none."""
+    first = [log.recording.meta.get("source", {}).get("first_time") for log in logs]
+    if len(logs) < 2 or any(start is None for start in first):
+        return ()
+    spans = sorted((start, start + log.time[-1]) for start, log in zip(first, logs, strict=True))
+    return () if any(later < end for (_, end), (later, _) in itertools.pairwise(spans)) else first
 
 
 def _created(log: RawLog) -> float | None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from stagectl.gap.inference import signatures
 from stagectl.gap.inference.signatures import MissingCurrent
+from stagectl.kernels.stage import Drive
 
-NOISE, DELAY = 0.04, 1  # A; rows of the modelled drive
+NOISE = 0.04  # A
+DRIVE = Drive(current_quantum=0.0, delay_samples=1, current_limit=math.inf, current_lag=0.0)
 
 
 def _logs(step: float, gain: float = 0.0) -> list[MissingCurrent]:
@@ -27,7 +31,7 @@ def _logs(step: float, gain: float = 0.0) -> list[MissingCurrent]:
 
 @pytest.mark.parametrize("step", [0.012, 0.02, 0.05])
 def test_the_step_of_a_command_is_read_off(step: float) -> None:
-    signature = signatures.quantised(DELAY, _logs(step))
+    signature = signatures.quantised(DRIVE, _logs(step))
     assert signature is not None and signature.value == pytest.approx(step, rel=2e-3)
     assert (
         signature.effect.parameters["step"].low < step * 1.002
@@ -35,9 +39,14 @@ def test_the_step_of_a_command_is_read_off(step: float) -> None:
     )
 
 
+def test_steps_that_only_the_model_has_are_no_effect() -> None:
+    """The file's wire rounds to 20 mA, the machine does not: the model's rounding is what is missing."""
+    assert signatures.quantised(DRIVE._replace(current_quantum=0.02), _logs(0.02)) is None
+
+
 @pytest.mark.parametrize("gain", [0.0, 0.03])
 def test_noise_and_a_wrong_gain_are_no_steps(gain: float) -> None:
-    assert signatures.quantised(DELAY, _logs(0.0, gain)) is None
+    assert signatures.quantised(DRIVE, _logs(0.0, gain)) is None
 
 
 def _jittering(size: float) -> list[list[MissingCurrent]]:
