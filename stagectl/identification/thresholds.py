@@ -193,7 +193,7 @@ DRAWN_ROWS = 4000  # that the figures get
 # Simultaneous: friction columns.  Chosen on simulated axes of five laws.
 # Below them no slip is looked for: encoder steps; share of the acceleration times the knot distance squared.
 SLIP_STEPS, SLIP_TIME = 4.0, 0.25
-# The same where the law follows the path of a model.  With those above no column was as stiff as the friction of axes
+# The same where the measured path is coarse.  With those above no column was as stiff as the friction of axes
 # with 4,096 and 20,000 counts: its reversal came too late in the model, and the delay was up to 3 ms too long.
 FOLLOWED = (0.25, 0.02)
 SLIP_STROKE = 0.1  # of a motion: the longest slip

@@ -67,7 +67,7 @@ class Shapes(NamedTuple):
 def shapes(parts: list[Part], motion: Array) -> Shapes:
     """Slips from what sampling and encoder resolve to a share of the stroke, and speeds up to beyond the fastest.
 
-    Where the measured path is too coarse, a law follows the path of a model: slips shorter than seen are tried, too.
+    Where the measured path is coarse, the friction may still be stiffer than is seen: shorter slips are tried, too.
 
     `motion` (rows, 2 or more) has acceleration and velocity of all `parts`.
     """
