@@ -176,6 +176,13 @@ WINDOW_BAND = 0.197  # of one over the knot distance: the window's bandwidth for
 WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one before the noise is known; chosen
 WHITENING_ORDER, WHITENING_ROWS = 24, 20  # rows that a filter looks back at most: twice the window's; rows for each
 WINDOW_PASSES = 0.5  # of the noise's power, least that a window passes below its cut-off; what is beyond is as below
+# s, knot distance where the encoder's noise is seen: the window must pass what a controller answers to, else the rest
+# of that answer bends the delay by milliseconds; about a period of fast loops; chosen
+STEPPED_KNOTS = 0.5e-3
+STEPPED_WIDE = 2  # shortest knot distances that would hide it, at least; chosen
+ROUNDING_RUN = 12  # samples at one count: then a count is as much as rounding at each of them, q^2 = 12 q^2/12
+CORNERS, CORNERS_TRIED = (0.02, 1.5), 12  # rad per row, from and to: where noise becomes that of rounding; chosen
+CORNER_SETTLES, CORNER_SHARE = 4.0, 8.0  # over the corner: rows to settle; least number of such lengths in a capture
 WHITENING_RIDGE = 1e-9  # of the residual's power, white: rounding
 MOST_ROWS = 120000  # of long captures
 FORGOTTEN = 0.1  # of the stroke: travel, there and back, after which the friction has forgotten how it began
@@ -186,7 +193,7 @@ DRAWN_ROWS = 4000  # that the figures get
 # Simultaneous: friction columns.  Chosen on simulated axes of five laws.
 # Below them no slip is looked for: encoder steps; share of the acceleration times the knot distance squared.
 SLIP_STEPS, SLIP_TIME = 4.0, 0.25
-# The same where the law follows the path of a model.  With those above no column was as stiff as the friction of axes
+# The same where the measured path is coarse.  With those above no column was as stiff as the friction of axes
 # with 4,096 and 20,000 counts: its reversal came too late in the model, and the delay was up to 3 ms too long.
 FOLLOWED = (0.25, 0.02)
 SLIP_STROKE = 0.1  # of a motion: the longest slip
@@ -211,6 +218,9 @@ FRICTION_SCALES = (  # of ripple, operators, bristles, Stribeck and lag, in Coul
     (0.0, 0.01, 0.03, 0.1, 0.3),
     (0.0, 0.01, 0.1),
 )
+# The same where the encoder's noise is seen: an error of form, and not the path's, which longer ones take up with the
+# inertia: on foreign axes it fell by up to 90 %.
+STEPPED_SCALES = ((0.0, 0.05), (0.0, 0.01, 0.03), (0.0, 0.01, 0.03), (0.0, 0.01, 0.03), (0.0,))
 FIRST_SCALES = (0.0, 0.0, 0.0, 0.0, 0.0)  # with which the search begins: the simplest law
 NO_SCALE = 1e-4  # in Coulomb frictions: a group that is left out
 LEAST_FRICTION = 0.1  # of the rms force: the least scale of friction; smaller friction is a small scale of it
@@ -257,7 +267,7 @@ ROUGH_NOISE = 0.02  # of the Coulomb friction: the residual that a search assume
 LAW_STEPS, LAW_STARTS = 12, 1  # evaluations of the derivatives, and points of the grid that they begin at
 LAW_RIVALS = 3  # laws that are refined again once the path is known better
 LAW_DERIVATIVE = 1e-3  # relative step of a derivative
-LAW_ROWS = 4000  # rows that the search looks at
+LAW_ROWS, LAW_STEPPED_ROWS = 4000, 12000  # rows that the search looks at; the same where the encoder's noise is seen
 LAW_GRID = {  # points of the grid, as shares of the way between the logarithms of the bounds
     "range": (0.15, 0.4, 0.65, 0.85),
     "exponent": (0.52,),

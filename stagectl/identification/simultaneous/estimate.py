@@ -10,7 +10,8 @@ current.  With its mean sensitivity up to the window's cut-off w, ``S = 1 - (w_c
 Neither averages out.  With the posterior's precision A they shift all parameters by ``A^-1`` times these sums, and the
 shift is taken out.  As w_c is that of the stage file, and the loop may be another one, the intervals hold any shift
 from none to twice this one.  Where a capture has neither a reference nor an injected current, a controller is taken to
-have moved the axis.
+have moved the axis.  Where the encoder's noise is seen, the rows pass all of the answer, and nothing shifts
+(`whitening`).
 
 Source: direct identification in closed loop, L. Ljung, System Identification, 2nd ed., 1999, section 13.4.
 """
@@ -30,7 +31,7 @@ from stagectl.identification.capture import Array, Capture
 from stagectl.identification.result import Parameter
 from stagectl.identification.simultaneous.evidence import Answer
 from stagectl.identification.simultaneous.model import DelayPrior, Problem
-from stagectl.identification.simultaneous.regressors import ACCELERATION, ONE, RIPPLE, VELOCITY, controlled
+from stagectl.identification.simultaneous.regressors import ACCELERATION, ONE, RIPPLE, VELOCITY, controlled, stepped
 from stagectl.units import ROTARY
 
 NAMES = ("inertia", "viscous", "coulomb", "offset", "delay")
@@ -118,7 +119,7 @@ def _answered_noise(p: Problem, answer: Answer, sums: Array, with_delay: Array) 
 
     `with_delay` (5,) is their covariance with the delay, as far as it is the delay that changes them.
     """
-    if not any(controlled(rows.capture) for rows in p.parts):
+    if not any(controlled(rows.capture) and not stepped(rows) for rows in p.parts):
         return np.zeros(len(NAMES))
     best, control = answer.best, p.file.control
     bandwidth = control.bandwidth if isinstance(control, Control) else control.velocity_bandwidth

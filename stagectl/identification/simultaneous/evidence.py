@@ -18,7 +18,7 @@ the acceleration and not in the current: then ``a`` is the answer to ``i`` and n
 the Jacobian ``n log J``.  To first order that takes ``n v`` from the square of the whitened acceleration,
 ``v = (r^2 - s^2) / J^2``, with ``r^2`` the square of the whitened residual and ``s^2`` the current sensor's share of it
 (bias-eliminating least squares; T. Soederstrom, Errors-in-Variables Methods in System Identification, Springer 2018).
-Delays and scales are compared with the variance that each of them leaves.  Of a coarse encoder at least the noise of
+Delays and scales are compared with the variance that each of them leaves.  Where the encoder's noise is seen, that of
 its rounding is taken out.
 
 **Temper.**  Rows are worth less than their number: the window correlates neighbours, and what the columns leave of the
@@ -40,7 +40,8 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous import temper
 from stagectl.identification.simultaneous.model import Forces, Problem, Scales
-from stagectl.identification.simultaneous.regressors import ACCELERATION, rounding_noise
+from stagectl.identification.simultaneous.regressors import ACCELERATION
+from stagectl.identification.simultaneous.sensor_noise import rounding_noise
 
 
 class Fit(NamedTuple):
@@ -94,13 +95,14 @@ def answered(p: Problem) -> Answer:
     forces = p.forces(p.delay.nodes)
     p = _without_noise(p, forces, thresholds.FIRST_SCALES)
     first = _most_probable(_searched(p, forces))
-    p = p.whitened(p.noise(_residual(p, first, forces)))
+    # Dense columns may take up rounding with the inertia: there the law's residual shows the noise.
+    p = p.whitened(p.whitening if p.stepped else p.noise(_residual(p, first, forces)))
     forces = p.forces(p.delay.nodes)
     p = _without_noise(p, forces, first.scales)
     fits = _searched(p, forces)
     best = _most_probable(fits)
     residual = p.whitening(_residual(p, best, forces))
-    share = temper.form_share(p, residual, best.variance)
+    share = temper.form_share(p, residual, best.variance, best.known.mean[:, best.best])
     worth = temper.worth(residual, share)
     likely = [fit for fit in fits if fit.log_weight.max() > best.log_weight.max() - thresholds.UNLIKELY]
 
@@ -126,7 +128,7 @@ def _residual(p: Problem, fit: Fit, forces: Forces) -> Array:
 
 def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
     """The problem without the noise of its acceleration, as far as the motion still determines the inertia."""
-    full, sensed, rounded = p.gram, p.sensed(p.whitening.weights), rounding_noise(p.parts, p.whitening.weights)
+    full, sensed, rounded = p.gram, p.sensed(p.whitening.response), rounding_noise(p.parts, p.whitening.response)
     most = thresholds.MOST_NOISE * _alone(full, ACCELERATION)
     for _ in range(thresholds.NOISE_ROUNDS):
         fit = _settled(p, forces, scales, _rough_variance(p, forces))
@@ -135,6 +137,8 @@ def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
         )
         # A controller answers rounding with a current, which looks like the sensor's noise: rounding is the least.
         moved = min(max(fit.variance - sensed, rounded * inertia**2), fit.variance)
+        if p.stepped:
+            moved = min(rounded * inertia**2, fit.variance)
         noise, gram = min(len(p.white) * moved / inertia**2, most), full.copy()
         agrees = abs(noise - p.acceleration_noise) <= thresholds.NOISE_AGREES * noise
         gram[ACCELERATION, ACCELERATION] -= noise
@@ -183,7 +187,7 @@ def _searched(p: Problem, forces: Forces) -> list[Fit]:
 
     scales: Scales = thresholds.FIRST_SCALES
     for _ in range(thresholds.SCALE_ROUNDS):
-        for group, choice in enumerate(thresholds.FRICTION_SCALES):
+        for group, choice in enumerate(thresholds.STEPPED_SCALES if p.stepped else thresholds.FRICTION_SCALES):
             scales = max(((*scales[:group], size, *scales[group + 1 :]) for size in choice), key=evidence)
     return list(tried.values())
 

@@ -67,7 +67,7 @@ class Shapes(NamedTuple):
 def shapes(parts: list[Part], motion: Array) -> Shapes:
     """Slips from what sampling and encoder resolve to a share of the stroke, and speeds up to beyond the fastest.
 
-    Where the measured path is too coarse, a law follows the path of a model: slips shorter than seen are tried, too.
+    Where the measured path is coarse, the friction may still be stiffer than is seen: shorter slips are tried, too.
 
     `motion` (rows, 2 or more) has acceleration and velocity of all `parts`.
     """
@@ -109,11 +109,21 @@ class Path(NamedTuple):
         return smoothed(states, window(self.rows.q, self.dt, order), self.rows)
 
 
+def _finer(p: Part) -> int:
+    """Samples of a path per sample of the capture."""
+    return max(1, math.ceil(p.capture.dt / thresholds.PATH_STEP - 1e-9))
+
+
+def path_rows(p: Part) -> Rows:
+    """The rows of a part in samples of its path."""
+    return p.places._replace(start=p.places.start * _finer(p), q=p.places.q * _finer(p))
+
+
 def path(p: Part, velocity: Array) -> Path:
     """The motion of one part; `velocity` (rows,) is the windowed one, for where the encoder's steps hide it."""
     x = track(p)
-    finer = max(1, math.ceil(p.capture.dt / thresholds.PATH_STEP - 1e-9))
-    dt, rows = p.capture.dt / finer, p.places._replace(start=p.places.start * finer, q=p.places.q * finer)
+    finer, rows = _finer(p), path_rows(p)
+    dt = p.capture.dt / finer
     if finer > 1:
         x = np.asarray(CubicSpline(np.arange(len(x)), x)(np.arange((len(x) - 1) * finer + 1) / finer))
     speed = np.gradient(x, dt)
@@ -130,7 +140,7 @@ def followed(p: Part, along: Path, acceleration: Array) -> Path:
     step = round(p.capture.dt / along.dt)
     model = np.cumsum(np.cumsum(acceleration)) * along.dt**2
     left = p.capture.position - p.capture.position[0] - model[::step]
-    weights = window(p.q, p.capture.dt)
+    weights = window(p.wide, p.capture.dt)
     half = len(weights) // 2
     slow = np.convolve(np.pad(left, half, mode="reflect", reflect_type="odd"), weights, "valid")
     position = model + (CubicSpline(np.arange(len(slow)), slow)(np.arange(len(model)) / step) if step > 1 else slow)

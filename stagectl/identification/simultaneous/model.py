@@ -16,7 +16,8 @@ from stagectl import gaussian_evidence as gaussian
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous import friction_columns, laws, refinement, whitening
+from stagectl.identification.simultaneous import captured_motion, friction_columns, laws, refinement, whitening
+from stagectl.identification.simultaneous.captured_motion import Motion
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,
@@ -24,12 +25,12 @@ from stagectl.identification.simultaneous.regressors import (
     VELOCITY,
     Part,
     coarse,
-    current_noise,
     currents,
-    motion,
     ripple_shares,
+    stepped,
     window_correlation,
 )
+from stagectl.identification.simultaneous.sensor_noise import current_noise, rounding_noise
 from stagectl.identification.simultaneous.whitening import Whitening
 from stagectl.units import ROTARY
 
@@ -85,6 +86,11 @@ class Problem(NamedTuple):
     moved_share: float = 0.0  # of the residual's noise that lies in the acceleration
 
     @property
+    def stepped(self) -> bool:
+        """Whether the encoder's noise is seen in an acceleration."""
+        return any(stepped(p) for p in self.parts)
+
+    @property
     def groups(self) -> dict[str, slice]:
         """Places of the groups in all columns."""
         friction = {name: slice(FREE + place.start, FREE + place.stop) for name, place in self.shapes.groups.items()}
@@ -113,7 +119,7 @@ class Problem(NamedTuple):
 
     def noise(self, residual: Array) -> Whitening:
         """The filter that whitens the noise of a `residual` (rows,)."""
-        return whitening.of(residual, self.whitening.rows, window_correlation(self.parts[0]))
+        return _noise(self.parts, residual, self.whitening.rows)
 
     def residual_square(self, theta: Array, forces: Forces) -> Array:
         """Sum of squares (k,) of the whitened residual at each of the delays with its `theta` (m, k)."""
@@ -135,37 +141,24 @@ class Problem(NamedTuple):
         return gaussian.independent(mean, deviation)
 
 
-class Motion(NamedTuple):
-    """All captures along their paths."""
-
-    parts: list[Part]
-    paths: list[friction_columns.Path]
-    free: list[Array]  # (rows, FREE) of each
-    shapes: friction_columns.Shapes
-    gravity: bool
-
-
 def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool = False) -> Problem:
     """Columns of all `parts`, with the best law refined and the paths drawn by its model."""
-    free = [motion(p) for p in parts]
-    shapes = friction_columns.shapes(parts, np.vstack(free))
-    paths = [friction_columns.path(p, rows[:, VELOCITY]) for p, rows in zip(parts, free, strict=True)]
-    seen = Motion(parts, paths, free, shapes, gravity)
-    coulomb = _coulomb(seen, file, delay)
+    quiet = captured_motion.quiet(parts, gravity)
+    coulomb, shapes, seen = _coulomb(quiet, file, delay), quiet.shapes, captured_motion.resolved(quiet, parts)
+    ranked = refinement.refined(_rough(seen, coulomb, file, delay))
     plain = _setting(seen, coulomb, file, delay)
-    if any(coarse(p) for p in parts):  # what a law leaves on a path that is coarse is the path's error, no noise
-        plain = plain._replace(sensed=math.inf)
-    ranked = refinement.refined(plain)
     left = refinement.residual(ranked[0], plain)
-    noise = whitening.of(left, plain.whitening.rows, window_correlation(parts[0]))
+    noise = _noise(parts, left, plain.whitening.rows)
     scatter = math.sqrt(thresholds.WINDOW_CORRELATION) * float(np.std(noise(left)))
-    seen = seen._replace(paths=[_followed(p, x, ranked[0], seen, file) for p, x in zip(parts, paths, strict=True)])
-    white = _setting(seen, coulomb, file, delay, noise.weights)._replace(noise=scatter)
+    seen = seen._replace(paths=[_followed(p, x, ranked[0], seen, file) for p, x in zip(parts, seen.paths, strict=True)])
+    white = _setting(seen, coulomb, file, delay, noise)._replace(noise=scatter)
+    if any(stepped(p) for p in parts):  # what is not rounding; the controller's answer to it is in the current
+        white = white._replace(sensed=max(0.0, scatter**2 - _rounding(parts, noise, file)))
     ranked = refinement.refined_again(white, ranked)
     law, best = laws.LAWS[ranked[0].name], ranked[0]
     matrix = np.column_stack(
         [
-            np.vstack(free),
+            np.vstack(seen.free),
             np.vstack([friction_columns.columns(x, shapes) for x in seen.paths]),
             laws.columns(law, seen.paths, best.theta.tolist(), shapes),
             refinement.tangent(law, best, seen.paths, shapes),
@@ -175,11 +168,38 @@ def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool
     return Problem(parts, shapes, matrix, ranked, noise, matrix, matrix, coulomb, file, delay, gravity).whitened(noise)
 
 
+def _rough(seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior) -> refinement.Setting:
+    """What the laws are refined on before a residual is known: it counts as the path's error, or as rounding."""
+    if not any(stepped(p) for p in seen.parts):
+        plain = _setting(seen, coulomb, file, delay)
+        return plain._replace(sensed=math.inf) if any(coarse(p) for p in seen.parts) else plain
+    rough, first = (thresholds.ROUGH_NOISE * coulomb) ** 2, seen.parts[0]
+    row, count = first.places.step * first.capture.dt, file.mechanics.inertia * first.capture.encoder_step
+    power = rough * row / (2.0 * thresholds.WINDOW_BAND) / (count**2 / 12.0 * first.capture.dt)
+    noise = whitening.with_corner([p.rows for p in seen.parts], power**0.25 * row)
+    scatter = math.sqrt(rough + _rounding(seen.parts, noise, file))
+    return _setting(seen, coulomb, file, delay, noise)._replace(sensed=rough, noise=scatter)
+
+
+def _rounding(parts: list[Part], noise: Whitening, file: StageFile) -> float:
+    """Variance (N m)^2 | N^2 that a search is to assume for rounding."""
+    return thresholds.WINDOW_CORRELATION * file.mechanics.inertia**2 * rounding_noise(parts, noise.response)
+
+
+def _noise(parts: list[Part], residual: Array, rows: tuple[int, ...]) -> Whitening:
+    """The filter that whitens the noise of a `residual` (n,)."""
+    whitened = whitening.of_rounding if any(stepped(p) for p in parts) else whitening.of
+    return whitened(residual, rows, window_correlation(parts[0]))
+
+
 def _followed(
     p: Part, along: friction_columns.Path, law: refinement.Refined, seen: Motion, file: StageFile
 ) -> friction_columns.Path:
-    """The path of the best law's model, where the measured one is too coarse."""
-    if not coarse(p):
+    """The path of the best law's model, where the measured one is too coarse between its rows.
+
+    Within an encoder's count the model only knows the delay and the law that it was fitted with: it is not asked.
+    """
+    if not coarse(p) or (stepped(p) and p.capture.dt <= thresholds.PATH_STEP):
         return along
     time = np.clip(along.dt * np.arange(len(along.position)) - law.delay, 0.0, p.capture.time[-1])
     effort = file.motor.force_constant * CubicSpline(p.capture.time, p.capture.current)(time)
@@ -187,14 +207,15 @@ def _followed(
 
 
 def _setting(
-    seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior, weights: Array | None = None
+    seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior, noise: Whitening | None = None
 ) -> refinement.Setting:
-    """What the laws are refined on: the first rows of every capture, whitened with these `weights`."""
-    most = max(1, thresholds.LAW_ROWS // len(seen.parts))
+    """What the laws are refined on: the first rows of every capture, whitened as this `noise`."""
+    rows = thresholds.LAW_STEPPED_ROWS if any(stepped(p) for p in seen.parts) else thresholds.LAW_ROWS
+    most = max(1, rows // len(seen.parts))
     heads = [p._replace(places=p.places._replace(number=min(most, p.rows))) for p in seen.parts]
     white = whitening.none([p.rows for p in heads])
-    white = white if weights is None else white._replace(weights=weights)
-    free, force = white(np.vstack([rows[:most] for rows in seen.free])), _forces(heads, file, delay)
+    white = white if noise is None else noise._replace(rows=white.rows)
+    free, force = white(np.vstack([one[:most] for one in seen.free])), _forces(heads, file, delay)
     (inertia, viscous), (_, tight) = mechanics(file)
     ripple = _ripples(heads, file, thresholds.FRICTION_SCALES[0][-1], seen.gravity)
     return refinement.Setting(
@@ -210,7 +231,7 @@ def _setting(
         coulomb,
         (delay.mean, delay.deviation),
         inertia,
-        file.motor.force_constant**2 * current_noise(heads, white.weights),
+        file.motor.force_constant**2 * current_noise(heads, white.response),
         thresholds.ROUGH_NOISE * coulomb,
     )
 

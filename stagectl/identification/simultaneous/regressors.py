@@ -88,6 +88,7 @@ class Part(NamedTuple):
 
     capture: Capture
     places: Rows
+    wide: int  # samples per knot distance at which rounding does not fill the acceleration
 
     @property
     def q(self) -> int:
@@ -131,13 +132,23 @@ def position_noise(capture: Capture) -> float:
     return max(capture.encoder_step / math.sqrt(12.0), seen)
 
 
-def part(capture: Capture, q: int, longest: float, delay: float) -> Part:
+def part(capture: Capture, wide: int, longest: float, delay: float) -> Part:
     """Rows on which elements up to the slip `longest` are known and a delay up to `delay` (s) has its samples."""
+    q = max(1, round(thresholds.STEPPED_KNOTS / capture.dt)) if _seen(capture, wide) else wide
     room = margin(q, capture.dt, delay)
     moved = np.maximum.accumulate(capture.position) - np.minimum.accumulate(capture.position)
     known = int(np.searchsorted(moved, 2.0 * longest))
     start = max(room, known + HALF * q)
-    return Part(capture, Rows(start, max(0, (len(capture.position) - room - start - 1) // q + 1), q))
+    return Part(capture, Rows(start, max(0, (len(capture.position) - room - start - 1) // q + 1), q), wide)
+
+
+def calm(p: Part) -> Part:
+    """The same capture with rows whose window hides the encoder's steps, where they are seen."""
+    if not stepped(p):
+        return p
+    room = HALF * (p.wide - p.q)
+    number = (p.places.number - 1) * p.places.step - 2 * room
+    return p._replace(places=Rows(p.places.start + room, max(1, number // p.wide + 1), p.wide))
 
 
 def thinned(parts: list[Part], most: int) -> list[Part]:
@@ -193,7 +204,17 @@ def track(p: Part) -> Array:
 
 def _steps_seen(p: Part) -> int:
     """Samples over which a path is smoothed because the encoder's steps are seen at its reversals; 0: they are not."""
-    return min(round(0.5 * step_time(p) / p.capture.dt), p.q)
+    return min(round(0.5 * step_time(p) / p.capture.dt), p.wide)
+
+
+def stepped(p: Part) -> bool:
+    """Whether the encoder's noise is seen in the acceleration, so that its filter does the work of a wide window."""
+    return _seen(p.capture, p.wide)
+
+
+def _seen(capture: Capture, wide: int) -> bool:
+    """Whether noise takes a window so `wide`; where few samples hide it, the sampling is too slow to follow it."""
+    return wide >= max(thresholds.STEPPED_WIDE * shortest_knots(capture), thresholds.LEAST_KNOT_ROWS)
 
 
 def coarse(p: Part) -> bool:
@@ -203,7 +224,7 @@ def coarse(p: Part) -> bool:
 
 def step_time(p: Part) -> float:
     """Time (s) in which the axis moves by an encoder step from a reversal."""
-    rms = float(np.sqrt(np.mean(acceleration(p.capture, p.q) ** 2)))
+    rms = float(np.sqrt(np.mean(acceleration(p.capture, p.wide) ** 2)))
     return math.sqrt(2.0 * p.capture.encoder_step / max(rms, 1e-300))
 
 
@@ -229,38 +250,6 @@ def window_correlation(p: Part) -> Array:
     weights = window(p.q, p.capture.dt)
     products = np.correlate(weights, weights, "full")[len(weights) - 1 :: p.places.step]
     return np.asarray(products / products[0], dtype=np.float64)
-
-
-def current_noise(parts: list[Part], whitening: Array) -> float:
-    """Variance (A^2) that a current sensor's white noise leaves in the filtered current, as fourth differences show it.
-
-    `whitening` (p + 1,) are the weights of rows that the current has passed besides the window.  A commanded current
-    has no such noise.  The controller's response to the encoder's rounding counts as such noise, too.
-    """
-    total = 0.0
-    for p in parts:
-        differences = np.diff(p.capture.current, 4)
-        total += p.rows * _passed(p, whitening) * float(np.mean(differences * differences)) / 70.0
-    return total / sum(p.rows for p in parts)
-
-
-def rounding_noise(parts: list[Part], whitening: Array) -> float:
-    """Variance (rad^2/s^4 | m^2/s^4) that the encoder's rounding leaves in the filtered acceleration.
-
-    Of captures whose encoder is coarse, and as of an axis that moves by many steps a sample: of a slower one it is too
-    much.  Source: B. Widrow, I. Kollar, Quantization Noise, Cambridge University Press 2008.
-    """
-    rounded = [p for p in parts if coarse(p)]
-    total = sum(p.rows * _passed(p, whitening, 2) * p.capture.encoder_step**2 / 12.0 for p in rounded)
-    return total / sum(p.rows for p in parts)
-
-
-def _passed(p: Part, whitening: Array, order: int = 0) -> float:
-    """What a signal's white noise of variance 1 leaves in the rows of its derivative of this `order`."""
-    spread = np.zeros((len(whitening) - 1) * p.places.step + 1)
-    spread[:: p.places.step] = whitening
-    weights = np.convolve(window(p.q, p.capture.dt, order), spread)
-    return float(weights @ weights)
 
 
 def controlled(capture: Capture) -> bool:

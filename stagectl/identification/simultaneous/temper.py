@@ -9,6 +9,7 @@ import numpy as np
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous.model import Problem
+from stagectl.identification.simultaneous.regressors import FREE
 
 
 def worth(residual: Array, form_share: float) -> float:
@@ -16,9 +17,16 @@ def worth(residual: Array, form_share: float) -> float:
     return max(thresholds.WINDOW_CORRELATION, _near(residual)) + len(residual) * form_share / thresholds.FORM_VALUES
 
 
-def form_share(p: Problem, residual: Array, variance: float) -> float:
-    """Share of the residual's `variance` that is an error of form, which does not average out."""
-    return min(max((thresholds.FORM_ERROR * p.coulomb) ** 2 / variance, _repeating(residual)), 1.0)
+def form_share(p: Problem, residual: Array, variance: float, theta: Array) -> float:
+    """Share of the residual's `variance` that is an error of form, which does not average out.
+
+    Where the encoder's steps are seen, what is not rounding is the error of a path that is known to a count: it comes
+    back in every stroke.  The filter of rounding makes an error of form larger, as it does the friction of `theta`.
+    """
+    size, path = p.coulomb, 0.0
+    if p.stepped:
+        size, path = float(np.std(p.white[:, FREE:] @ theta[FREE:])), 1.0 - p.moved_share
+    return min(max((thresholds.FORM_ERROR * size) ** 2 / variance, _repeating(residual), path), 1.0)
 
 
 def _correlation(residual: Array) -> Array:

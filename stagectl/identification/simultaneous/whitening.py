@@ -10,8 +10,15 @@ are all correlation of the residual, and belong to the noise.
 
 The order p is that of the least criterion of Schwarz: white noise is left as it is.
 
-Source: Yule's and Walker's equations, as in L. Ljung, System Identification, 2nd ed., Prentice Hall 1999, section 10.1;
-G. Schwarz, Annals of Statistics 6(2), 1978.
+**Rounding** of the position is white noise in the position, and of two derivatives in the acceleration: no filter of
+some rows whitens it, nor may a low-pass window do so.  In a closed loop the controller answers to rounding, and only
+all frequencies together tell that the answer comes after it: a regression that sees none above a cut-off finds the
+current late, by milliseconds.  So rows with such noise have a window that passes the controller's answers, and a filter
+with the poles of a Kalman filter for noise in force and position, ``1 / (s^2 + sqrt(2) w s + w^2)``: the prediction
+error of the position.
+
+Source: prediction errors in closed loop, L. Ljung, System Identification, 2nd ed., Prentice Hall 1999, section 13.4;
+Yule's and Walker's equations, section 10.1; G. Schwarz, Annals of Statistics 6(2), 1978.
 """
 
 from __future__ import annotations
@@ -26,25 +33,84 @@ from scipy import linalg, signal
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 
+CUBIC = np.convolve([1.0, 2.0 - math.sqrt(3.0)], [1.0, 2.0 - math.sqrt(3.0)])  # causal factor of the cubic B-spline
+
 
 class Whitening(NamedTuple):
     """A filter of prediction errors, and the rows of each capture, which are filtered apart."""
 
     weights: Array  # (p + 1,), the first is 1
     rows: tuple[int, ...]
+    corner: float = math.inf  # rad per row, from which on the noise is that of rounding; inf: nowhere
+
+    @property
+    def poles(self) -> Array:
+        """Denominator (1,) or (3,) of the filter: rounding's rate of rate is not amplified above the corner."""
+        if math.isinf(self.corner):
+            return np.ones(1)
+        turn = self.corner * math.sqrt(0.5)
+        rounding = np.array([1.0, -2.0 * math.exp(-turn) * math.cos(turn), math.exp(-2.0 * turn)])
+        return np.convolve(rounding, CUBIC)
+
+    @property
+    def lost(self) -> int:
+        """Rows at the start of a capture on which the filter has not settled."""
+        settling = 0 if math.isinf(self.corner) else math.ceil(thresholds.CORNER_SETTLES / self.corner)
+        return len(self.weights) - 1 + settling
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """Rows of each capture that are left."""
+        return tuple(rows - self.lost for rows in self.rows)
+
+    @property
+    def response(self) -> Array:
+        """Answer (k,) to one row."""
+        return np.asarray(signal.lfilter(self.weights, self.poles, np.eye(1, self.lost + 1)[0]))
 
     def __call__(self, rows: Array) -> Array:
         """The filtered `rows` (n, ...), without the first p of each capture: (m, ...)."""
-        lost = len(self.weights) - 1
-        if lost == 0:
+        if self.lost == 0:
             return rows
         parts = np.split(rows, np.cumsum(self.rows)[:-1])
-        return np.concatenate([signal.lfilter(self.weights, np.ones(1), part, axis=0)[lost:] for part in parts])
+        return np.concatenate([signal.lfilter(self.weights, self.poles, part, axis=0)[self.lost :] for part in parts])
 
 
 def none(rows: Sequence[int]) -> Whitening:
     """The filter that leaves the rows as they are."""
     return Whitening(np.ones(1), tuple(rows))
+
+
+def with_corner(rows: Sequence[int], corner: float) -> Whitening:
+    """The filter with this corner (rad per row), or the nearest that captures with so many `rows` allow."""
+    return none(rows)._replace(corner=float(np.clip(corner, *_corners(rows))))
+
+
+def _corners(rows: Sequence[int]) -> tuple[float, float]:
+    """Least and largest corner (rad per row) that are tried: the filter must settle in a share of a capture."""
+    low, high = thresholds.CORNERS
+    return min(max(low, thresholds.CORNER_SETTLES * thresholds.CORNER_SHARE / min(rows)), high), high
+
+
+def of_rounding(residual: Array, rows: Sequence[int], window: Array) -> Whitening:
+    """The filter that whitens the noise of a `residual` in which the encoder's steps are seen.
+
+    Of the corners, that which leaves the flattest spectrum; then what is left of its colour.
+    """
+    corners = np.geomspace(*_corners(rows), thresholds.CORNERS_TRIED)
+    tried = [none(rows)._replace(corner=corner) for corner in corners.tolist()]
+    first = min(tried, key=lambda one: _unevenness(one(residual), one.kept, window))
+    return of(first(residual), first.kept, window)._replace(rows=tuple(rows), corner=first.corner)
+
+
+def _unevenness(residual: Array, rows: Sequence[int], window: Array) -> float:
+    """Log of the power's mean less the mean of its log, below the window's cut-off, times rows (P. Whittle)."""
+    total = 0.0
+    for part in np.split(residual, np.cumsum(rows)[:-1]):
+        power = _before(part, window)
+        power = power[power > 0.0]
+        total += len(part) * (math.log(power.mean()) - float(np.log(power).mean()))
+    return total
 
 
 def of(residual: Array, rows: Sequence[int], window: Array) -> Whitening:
@@ -86,10 +152,16 @@ def _criterion(products: Array, independent: float) -> Callable[[Array], float]:
 
 def _products(part: Array, order: int, window: Array) -> Array:
     """Sums (order + 1,) of what a residual was before its window with itself 0, 1, ... rows later."""
+    before = _before(part, window)
+    inside = before > 0.0
+    before[~inside] = before[inside].mean() if inside.any() else 0.0
+    return np.asarray(np.fft.irfft(before)[: order + 1], dtype=np.float64)
+
+
+def _before(part: Array, window: Array) -> Array:
+    """Power (k,) of what a residual was before its window; 0 where the window does not pass it."""
     length = 2 * max(len(part), len(window))
     power = np.abs(np.fft.rfft(part, length)) ** 2
     passed = 2.0 * np.fft.rfft(window, length).real - window[0]
     inside = passed >= thresholds.WINDOW_PASSES * passed.max()
-    before = np.where(inside, power / np.where(inside, passed, 1.0), 0.0)
-    before[~inside] = before[inside].mean()
-    return np.asarray(np.fft.irfft(before)[: order + 1], dtype=np.float64)
+    return np.asarray(np.where(inside, power / np.where(inside, passed, 1.0), 0.0))
