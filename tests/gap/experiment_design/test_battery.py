@@ -275,7 +275,7 @@ def test_a_stage_without_room_or_current_is_told_so(tmp_path: Path) -> None:
     one_sided = changed(tmp_path, ("travel: [-50 mm, 50 mm]", "travel: [0 mm, 100 mm]"))
     with pytest.raises(GapError, match=r"limits\.travel = \[0, 0\.1\] m"):
         battery(one_sided)
-    weak = changed(tmp_path, ("current_limit: 15 A", "current_limit: 2 A"))
+    weak = changed(tmp_path, ("current_limit: 15 A", "current_limit: 2 A"), ("speed: 300 mm/s", "speed: 100 mm/s"))
     with pytest.raises(GapError, match=r"drive\.current_limit = 2 A"):
         library(weak)
 
