@@ -10,7 +10,8 @@ import stagectl as sc
 from stagectl.identification.result import Parameter
 
 STAGE = Path(__file__).parents[2] / "config" / "ball-screw.yaml"
-LEGS = "type: trapezoid\ndistance: 4 mm\nvelocity: 20 mm/s\nacceleration: 0.15 m/s^2\ndwell: 0.1 s\ncycles: 8\n"  # its rolling zone is a twentieth of the first encoder's step
+LEGS = "type: trapezoid\ndistance: 4 mm\nvelocity: 20 mm/s\nacceleration: 0.15 m/s^2\ndwell: 0.1 s\ncycles: 8\n"
+COUNTS = (4096, 20000, 2**20)  # the rolling zone, 9 um, is three steps of the first
 TRUE = {"inertia": 0.010, "viscous": 0.14, "coulomb": 1.0}
 
 
