@@ -54,7 +54,7 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
     machine = machine._replace(stage=_as_logged(machine.stage, repeats, [log for log, _ in finished], (period, dt)))
     notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
     notes += [(log.name, note) for log, log_notes in finished for note in log_notes]
-    doubts = [(log.name, doubt) for log, _ in finished for doubt in order_doubts(log.command, log.current, dt)]
+    doubts = [(log.name, doubt) for log, _ in finished if held for doubt in order_doubts(log.command, log.current, dt)]
     axis = machine.axis
     session = Session(
         place=paths[0],
