@@ -118,7 +118,7 @@ def test_a_result_that_cannot_be_written(command: Command, monkeypatch: pytest.M
     def at_rest(motion: Any, *_: Any, **__: Any) -> Recording:
         samples = np.zeros(len(motion.plan.setpoints), [(name, "<f8") for name in COLUMNS])
         samples["time"], samples["closed"] = motion.setup.dt * np.arange(len(samples)), 1.0
-        return Recording(motion.recording, motion.meta, samples, True, "complete", 0)
+        return Recording(motion.recording, {**motion.meta, "drive": {}}, samples, True, "complete", 0)
 
     monkeypatch.setattr(simulated_motion, "simulated", at_rest)
     Path("file").write_text("")

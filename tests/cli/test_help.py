@@ -108,7 +108,7 @@ def test_a_schema_goes_where_it_is_sent(command: Command, tmp_path: Path) -> Non
     _, printed, _ = command("config", "schema", "trajectory")
     code, out, said = command("config", "schema", "trajectory", "--json", tmp_path / "schema.json")
     assert (code, out) == (0, ""), said
-    assert json.loads((tmp_path / "schema.json").read_text()) == json.loads(printed)
+    assert json.loads((tmp_path / "schema.json").read_text()) == {"written_by": "stagectl", **json.loads(printed)}
 
 
 def test_completion_knows_the_verbs() -> None:

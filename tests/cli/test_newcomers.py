@@ -200,7 +200,7 @@ MISTAKES = [
     ("report good.h5 -o x.pdf", "x.pdf: a page ends in .html: take x.html", 2),
     (f"tune {S} --report x.pdf", "x.pdf: a page ends in .html: take x.html", 2),
     (f"selftest {S} --report x.html/y", "x.html/y: a page ends in .html", 2),
-    ("move -10mm", "stagectl move -- -10mm", 2),
+    ("move -10mm", "start one with `stagectl serve STAGE.yaml`", 2),
     ("move 5mm 6mm", "given twice for one axis: 5mm, 6mm; nothing has moved", 2),
     ("move 10 mm", 'two arguments: write `stagectl move "10 mm"`', 2),
     ("move x=1mm x=2mm", "given twice for axis x: 1mm, 2mm; nothing has moved", 2),
