@@ -11,6 +11,8 @@ from stagectl.trajectories import SCurve
 from stagectl.trajectories.top_speed import unreached
 from stagectl.units import StageError
 
+LEAST = 1e-9  # m/s | m/s^2, rad/s | rad/s^2 of travel: the least that a profile is computed with
+
 
 class ServiceError(StageError):
     """An order that the service cannot carry out: why, and what to do instead."""
@@ -24,8 +26,8 @@ def check_pace(axis: str, setup: Setup, speed: float | None, acceleration: float
         ("acceleration", acceleration, limits.acceleration * scale, "s^2"),
     ):
         unit = f"{travel}/{per}"
-        if value is not None and not 0.0 < value <= most * (1.0 + LIMIT_SLACK):
-            interval, shown = f"(0, {most:g}]", f"(0 {unit}, {length(most, unit)}]"
+        if value is not None and not LEAST <= value <= most * (1.0 + LIMIT_SLACK):
+            interval, shown = f"[{LEAST:g}, {most:g}]", f"[{length(LEAST, unit)}, {length(most, unit)}]"
             problem = Problem("", ProblemKind.RANGE, name, length(value, unit), unit, interval, admissible=shown)
             raise ServiceError(problem._replace(remedy=f"limits.{name} of {axis}"))
 
