@@ -22,6 +22,7 @@ OFF_BY = 0.15  # share of a parameter, to either side
 MOST_EFFECTS = 3
 LENGTHS = (0.7, 1.5)  # of the rolling zone, over the model's
 NOISE = 2e-3  # of the current limit: current noise where the stage file has none, so that repeats differ
+SLOWEST_RING = 80.0  # Hz; chosen. A precision stage's drive train is no softer: it would leave no bandwidth of 40 Hz.
 _PARAMETERS = ("mechanics.inertia", "mechanics.viscous", "motor.force_constant")
 _LAWS = ("rolling", "dahl", "lugre")
 
@@ -83,9 +84,12 @@ def _length(p: stage.Friction) -> float:
 
 
 def _values(effect: Definition, source: random.Random) -> dict[str, float]:
-    """A typical size, and any of its shapes."""
+    """A typical size, and any of its shapes, but for resonances below `SLOWEST_RING`."""
     amplitudes = {amplitude.name: source.choice(amplitude.typical) for amplitude in effect.amplitudes}
-    return amplitudes | {shape.name: source.choice(shape.grid or (1.0, 2.0, 4.0)) for shape in effect.shapes}
+    grids = {shape.name: shape.grid or (1.0, 2.0, 4.0) for shape in effect.shapes}
+    if "resonance" in grids:
+        grids["resonance"] = tuple(f for f in grids["resonance"] if f >= SLOWEST_RING)
+    return amplitudes | {name: source.choice(grid) for name, grid in grids.items()}
 
 
 def scales_of(setup: Setup) -> Scales:

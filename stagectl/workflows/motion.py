@@ -151,18 +151,18 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
         say(lacks)
     result = evaluate(recording.samples, recording.meta)
     if ended.fault and not interrupted:
-        cause = _limited(ended, result, motion.setup) or ended.reason
+        cause = f"{_limited(ended, result, motion.setup)}{ended.reason}"
         say(f"stopped after {ended.cycles} cycles: {ended.words}. {cause}".rstrip())
     counts = {"cycles": ended.cycles, "late_cycles": ended.late, "lost_rows": recording.lost_rows, "fault": fault}
     return {**result, **counts, "interrupted": interrupted, "recording": str(motion.recording), "simulated": False}
 
 
 def _limited(ended: Ended, result: Mapping[str, Any], setup: Setup) -> str:
-    """Why the axis did not follow, where the current was at its limit; empty where it was not."""
+    """That the current was at its limit while the axis did not follow, ahead of the causes; empty where it was not."""
     if ended.fault != Fault.FOLLOWING_ERROR or not (cycles := result["saturated_cycles"]):
         return ""
     limit = f"drive.current_limit, {setup.file.drive.current_limit:g} A, was reached in {cycles} of {result['cycles']}"
-    return f"{limit} cycles: the motion, or what loads the axis, takes more current"
+    return f"{limit} cycles: the motion, or what loads the axis, may take more current. "
 
 
 def _repair(folder: Path, say: Say) -> None:
