@@ -63,16 +63,21 @@ def _with_more(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     """`now` with the most probable set of effects; None where that is empty, or does not fit."""
     at = linearised.linearised(e, library, now)
     added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
-    after = _first_of(e, library, now, added, _grown(e, library, now, added))
+    starts = _starts(e, library, now, added)
+    after = _first_of(e, now, added, starts, _grown(e, now, added, starts))
     if after is not None and any(valued.effect.block != DRIVE for valued in added):
         left, predicted = linearised.excess(e, library, after), library.predicted(e, now)
         if predicted[0] and not adequate(at.excess[0], left[0], predicted[0]):
-            return _grown(e, library, now, [valued for valued in added if valued.effect.block == DRIVE])
+            return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE], starts)
     return after
 
 
 def _first_of(
-    e: Evidence, library: Library, now: Fitted, added: Sequence[EffectValues], together: Fitted | None
+    e: Evidence,
+    now: Fitted,
+    added: Sequence[EffectValues],
+    starts: Sequence[EffectValues],
+    together: Fitted | None,
 ) -> Fitted | None:
     """`now` with the one effect of `added` that explains nearly all that they explain `together`; else with all.
 
@@ -80,7 +85,7 @@ def _first_of(
     """
     if together is None or len(added) < 2:
         return together
-    single = [fitted for fitted in (_grown(e, library, now, [valued]) for valued in added) if fitted is not None]
+    single = [fitted for fitted in (_grown(e, now, [valued], starts) for valued in added) if fitted is not None]
     best = min(single, key=lambda fitted: fitted.residual_sum_of_squares, default=together)
     gain, lost = (a.residual_sum_of_squares - together.residual_sum_of_squares for a in (now, best))
     return best if lost <= constants.ONE_OF_MANY * gain else together
@@ -96,7 +101,8 @@ def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     best, predicted = at.verdict.best(single), library.predicted(e, now)
     if not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
         return None
-    after = _grown(e, library, now, at.values(best))
+    added = at.values(best)
+    after = _grown(e, now, added, _starts(e, library, now, added))
     if after is None:
         return None
     left = linearised.excess(e, library, after)
@@ -104,22 +110,28 @@ def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     return after if fits else None
 
 
-def _grown(e: Evidence, library: Library, now: Fitted, added: Sequence[EffectValues]) -> Fitted | None:
-    """`now` with further effects, refined by simulation; None where there are none or they do not fit."""
+def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequence[EffectValues]) -> Fitted | None:
+    """`now` with further effects, refined by simulation; None where there are none or they do not fit.
+
+    In the place of those of `added` whose columns bend stands the one of `starts` that explains most.
+    """
     if not added:
         return None
     straight = [valued for valued in added if not _bends(valued.effect)]
-    bent = _starts(e, library, now) if len(straight) < len(added) else [None]
-    grown = [refine.refine(e, now.model, joined(now.effects, [*straight, *filter(None, [start])])) for start in bent]
-    after = min(grown, key=lambda fitted: fitted.residual_sum_of_squares)
+    bent = [[start] for start in starts] if len(straight) < len(added) else [[]]
+    grown = [refine.refine(e, now.model, joined(now.effects, [*straight, *start])) for start in bent]
+    after = min(grown, key=lambda fitted: fitted.residual_sum_of_squares, default=now)
     return after if after.residual_sum_of_squares < now.residual_sum_of_squares else None
 
 
-def _starts(e: Evidence, library: Library, now: Fitted) -> list[EffectValues | None]:
+def _starts(e: Evidence, library: Library, now: Fitted, added: Sequence[EffectValues]) -> list[EffectValues]:
     """Of each effect whose columns bend on the way, the place on its grid from which few steps explain most.
 
-    Far from its values the column of a soft belt looks like that of a gap or of a base that moves: only fits tell.
+    None where no effect of `added` bends.  Far from its values the column of a soft belt looks like that of a gap or of
+    a base that moves: only fits tell.
     """
+    if not any(_bends(valued.effect) for valued in added):
+        return []
     present = {other.effect.name for other in now.effects}
     best: dict[str, Fitted] = {}
     for form in (form for form in library.forms if _bends(form.effect) and form.effect.name not in present):
