@@ -6,10 +6,11 @@ And how: the new one is written beside the old one and takes its place at the en
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,12 @@ def check_ending(path: Path, ending: str, what: str) -> None:
     if path.suffix != ending:
         reason, remedy = f"{path} is no name of {what}: it must end in {ending}", f"take {path.with_suffix(ending)}"
         raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy, file=path))
+
+
+def not_taken(path: Path, others: Collection[Path] = ()) -> Path:
+    """`path`, or with a number behind its name where that or one of `others` has it: two may begin in one second."""
+    names = itertools.chain([path], (path.with_name(f"{path.stem}-{n}{path.suffix}") for n in itertools.count(2)))
+    return next(name for name in names if not name.exists() and name not in others)
 
 
 def check_is_file(path: Path) -> None:

@@ -22,6 +22,7 @@ from stagectl.realtime.states import State
 from stagectl.recording.beside import order_of, word_of
 from stagectl.recording.hdf5 import RecordingError, Writer
 from stagectl.recording.ring import Ring, RingPlace
+from stagectl.replacing import not_taken
 from stagectl.service.limits import BOX_RETRY, BOXES_KEPT
 
 POLL = 0.05  # s
@@ -115,7 +116,7 @@ class Watcher:
         """The file of a box.  Raises OSError or RecordingError where there is no room; nothing is left then."""
         folder = Path(self.p.folder)
         folder.mkdir(parents=True, exist_ok=True)
-        path = _fresh(folder, f"{box.when}-{box.fault}")
+        path = not_taken(folder / f"{box.when}-{box.fault}.h5")
         meta = {**self.p.meta, "blackbox": {"fault": box.fault, "words": box.words, "fault_row": box.fault_row}}
         unfinished = path.with_suffix(UNFINISHED)
         try:
@@ -134,14 +135,6 @@ class Watcher:
         end = time.monotonic() + _PATIENCE
         while self.ring.written < row and not self.ring.closed and not gone and time.monotonic() < end:
             gone = word_of(self.p.alive, POLL) == b""
-
-
-def _fresh(folder: Path, stem: str) -> Path:
-    path, number = folder / f"{stem}.h5", 1
-    while path.exists():
-        number += 1
-        path = folder / f"{stem}-{number}.h5"
-    return path
 
 
 def _say(fault: str, words: str, waiting: bool) -> None:

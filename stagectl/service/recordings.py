@@ -22,6 +22,7 @@ from stagectl.recording.file_lock import being_written, discard, sweep
 from stagectl.recording.hdf5 import RecordingError, repair
 from stagectl.recording.metadata import of_axis
 from stagectl.recording.recorder import ENOUGH, Order
+from stagectl.replacing import not_taken
 from stagectl.service.axis_controller import COLUMNS, AbsentError, AxisController, ServiceError
 from stagectl.service.black_box import UNFINISHED
 from stagectl.service.child_process import Child, start
@@ -75,12 +76,7 @@ class Recordings:
             reason = f"{axis.name} is being recorded: {self._running[axis.name].path.name}"
             remedy = f"`stagectl record --end --axis {shlex.quote(axis.name)}` ends that"
             raise ServiceError(Problem(reason, ProblemKind.CONFLICT, remedy=remedy))
-        name = name.strip() or time.strftime("%Y%m%d-%H%M%S")
-        if not _NAME.fullmatch(name):
-            raise ServiceError(f"name {name!r}; must be letters, digits, '_', '-', '.', '+', 80 at most")
-        path = self._state / "recordings" / axis.name / f"{name}.h5"
-        if path.exists() or path in self._ending:
-            raise ServiceError(f"{path.name} exists already: take another name")
+        path = self._place(axis.name, name.strip())
         path.parent.mkdir(parents=True, exist_ok=True)
         ring, dt = axis.ring, axis.setup.dt
         first = max(ring.written - round(before / dt), ring.written - ring.capacity + round(1.0 / dt), 0)
@@ -91,6 +87,18 @@ class Recordings:
         child.send(Order(ring.place, reading, str(path), meta, COLUMNS, first))
         until = time.monotonic() + seconds
         self._running[axis.name] = _Running(axis.name, path, child, writing, first, until)
+        return path
+
+    def _place(self, axis: str, name: str) -> Path:
+        """The file of a recording with this name; of the time where it has none."""
+        folder = self._state / "recordings" / axis
+        if not name:
+            return not_taken(folder / time.strftime("%Y%m%d-%H%M%S.h5"), self._ending)
+        if not _NAME.fullmatch(name):
+            raise ServiceError(f"name {name!r}; must be letters, digits, '_', '-', '.', '+', 80 at most")
+        path = folder / f"{name}.h5"
+        if path.exists() or path in self._ending:
+            raise ServiceError(f"{path.name} exists already: take another name")
         return path
 
     def tidy(self) -> Iterator[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -33,6 +32,7 @@ from stagectl.recording.hdf5 import Recording, RecordingError, check_target, ope
 from stagectl.recording.in_memory import lacking
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
+from stagectl.replacing import not_taken
 from stagectl.service.single_motion import Ended, Motion, Progress, move
 from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
 from stagectl.trajectories import Experiment
@@ -122,10 +122,8 @@ def with_current(motion: Motion, current: NDArray[np.float64]) -> Motion:
 
 
 def unused(what: str, suffix: str = "") -> Path:
-    """A file or folder in ``recordings/`` whose name is not taken: two runs may begin in one second."""
-    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
-    names = itertools.chain([stem], (f"{stem}-{n}" for n in itertools.count(2)))
-    return next(path for name in names if not (path := Path("recordings") / f"{name}{suffix}").exists())
+    """A file or folder in ``recordings/`` whose name is not taken."""
+    return not_taken(Path("recordings") / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}{suffix}")
 
 
 def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:

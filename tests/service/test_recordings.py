@@ -84,6 +84,19 @@ def test_it_ends_by_itself(axis: AxisController, tmp_path: Path) -> None:
     assert open_recording(path).complete
 
 
+def test_two_without_a_name_in_one_second_have_two_names(
+    axis: AxisController, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stagectl.service.recordings.time.strftime", lambda words: words.replace("%", ""))
+    recordings, paths = Recordings(tmp_path), []
+    for _ in range(3):
+        write(axis, 10)
+        paths.append(recordings.begin(axis, "", 1.0, 3600.0))
+        recordings.end("axis")
+    assert [path.name for path in paths] == ["Ymd-HMS.h5", "Ymd-HMS-2.h5", "Ymd-HMS-3.h5"]
+    assert all(open_recording(path).complete for path in paths)
+
+
 def test_the_end_of_the_real_time_process_is_written_down(axis: AxisController, tmp_path: Path) -> None:
     recordings = Recordings(tmp_path)
     write(axis, 10)

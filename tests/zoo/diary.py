@@ -12,7 +12,7 @@ lost       ``monitor`` that ran out, ``option`` of 0x6007 that was followed
 emergency  ``code``
 event      what the variant did in motion
 sample     ``x`` (m), ``v`` (m/s), ``current`` and ``command`` (A), ``powered``, ``enabled``, ``monitors``: those
-           that are armed and lead to a stop
+           that are armed and lead to a stop; ``rests``: without power it stays where it is
 =========  ==========================================================================================
 """
 
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 SAMPLE = 0.01  # s between samples
-REST = 1e-4  # m/s: slower counts as standing
+REST = 1e-4  # m/s: an axis that is held and slower counts as standing
 
 
 class Writer:
@@ -76,7 +76,9 @@ class Diary:
     def stands(self, holding: bool = False) -> bool:
         """Whether it is without power and at rest; `holding`: or at rest by itself, in Quick stop active."""
         last = self.last
-        return not last["enabled" if holding else "powered"] and abs(last["v"]) <= REST
+        if last["powered"]:
+            return holding and not last["enabled"] and abs(last["v"]) <= REST
+        return bool(last["rests"])
 
     def unsupervised(self) -> float:
         """Widest span of positions under power while no monitor could have stopped it (m); -1: it never was so."""

@@ -250,7 +250,7 @@ class Drive:
 
     def _sample(self) -> None:
         powered = self.power.state in POWERED
-        active = powered or self.plant.speed != 0.0
+        active = powered or not self.plant.rests
         if self.now - self._sampled < SAMPLE or not (active or self._active_before):
             return
         self._sampled, self._active_before = self.now, active  # the first sample at rest is written, too
@@ -258,5 +258,5 @@ class Drive:
         self.note(
             "sample", x=self.plant.table, v=self.plant.speed * METRES_PER_RAD, current=self.current(),
             command=self.target * PERMILLE, powered=powered, enabled=self.power.state is State.OPERATION_ENABLED,
-            monitors=self.monitors.armed() if stops else [],
+            monitors=self.monitors.armed() if stops else [], rests=self.plant.rests,
         )  # fmt: skip

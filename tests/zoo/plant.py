@@ -56,6 +56,11 @@ class Plant:
         self.angle += dt * self.speed
 
     @property
+    def rests(self) -> bool:
+        """Whether it stays where it is without power: a weight does by its brake, not where it turns to fall."""
+        return self.braked or (self.speed == 0.0 and self.gravity == 0.0)
+
+    @property
     def table(self) -> float:
         """Position of the table (m)."""
         return self.angle * METRES_PER_RAD
