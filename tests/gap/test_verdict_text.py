@@ -13,6 +13,7 @@ import pytest
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, UNEXPLAINED, VERDICTS, FoundEffect, Gap
 from stagectl.gap.result.result_json import NAME, NotADiagnosisError, as_json, load, restored, save
+from stagectl.replacing import json_text
 from stagectl.report.tables import gap as tables
 from tests.gap.examples import ASYMMETRY, COGGING, SHAPE, every, found, gap
 
@@ -146,6 +147,13 @@ def test_shapes_come_back(tmp_path: Path) -> None:
     back = load(save(sentence, tmp_path))
     assert back.unknown is not None and back.unknown.fields == (("mechanics.bias", 1.0),)
     np.testing.assert_array_equal(back.unknown.force, SHAPE.force)
+
+
+def test_what_a_command_wrote_with_json_is_a_diagnosis_too(tmp_path: Path) -> None:
+    sentence = found("effects+unknown", effects=(COGGING,), unknown=SHAPE)
+    path = tmp_path / "answer.json"
+    path.write_text(json_text(as_json(sentence)))
+    assert as_json(load(path)) == as_json(sentence)
 
 
 def test_what_is_no_number_is_null() -> None:

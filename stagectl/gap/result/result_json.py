@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import VERDICTS, Array, DiagnosisResult
 from stagectl.problem import why_unread
-from stagectl.replacing import write_text
+from stagectl.replacing import WRITTEN_BY, write_text
 from stagectl.typed_json import TypedJsonError, decoded, encoded
 
 NAME = "diagnosis.json"
@@ -104,7 +104,7 @@ def restored(data: Any) -> DiagnosisResult:
     if not isinstance(data, dict) or data.get("verdict") not in VERDICTS:
         verdict = data.get("verdict") if isinstance(data, dict) else data
         raise TypedJsonError("verdict", verdict, f"one of {', '.join(VERDICTS)}")
-    fields: Json = {key: value for key, value in data.items() if key not in _GROUPS}
+    fields: Json = {key: value for key, value in data.items() if key not in (*_GROUPS, *WRITTEN_BY)}
     for key in _GROUPS:
         group = data.get(key)
         if not isinstance(group, dict):
