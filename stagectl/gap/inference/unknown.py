@@ -62,6 +62,12 @@ def largest(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
     return max([*of_coordinates, unstructured_residual.clock_gain(e, now, smooth, least * repeats)[0]])
 
 
+def ordered(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
+    """Largest share of the residual of `now` that a function of one coordinate predicts; 0 where none is clear."""
+    fits = shape_fits.single_coordinate(e, now, shape_fits.own_columns(e, now), smooth)
+    return max((fit.share for fit in fits if fit.clear(least_gain(e))), default=0.0)
+
+
 def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTerm | None:
     """The shape of the residual of `selected`, over the coordinate that orders it best; None where it has none.
 

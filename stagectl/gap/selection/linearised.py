@@ -32,6 +32,7 @@ WIDER = {effect.name: effect.generalisations for effect in EFFECTS.values() if e
 Cuts = tuple[float, float]  # of the residual effort and of the missing current
 # Sums of squares of a model's residuals that repeat and have an order, so that an unknown would be named.
 Predicted = Callable[[Evidence, Fitted], Cuts]
+Ordered = Callable[[Evidence, Fitted], float]  # largest share of them that a function of one coordinate predicts
 
 
 class Library(NamedTuple):
@@ -41,6 +42,7 @@ class Library(NamedTuple):
     products: gram_matrices.Products
     excess: Cuts  # sum of squares above the floor that the nuisances leave of the baseline fit
     predicted: Predicted = lambda *_: (0.0, 0.0)
+    ordered: Ordered = lambda *_: 0.0
 
 
 class Linearised(NamedTuple):
