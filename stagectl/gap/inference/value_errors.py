@@ -140,28 +140,32 @@ def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisC
     """`selected` with no effect more probable than that its size is not none, as far as parts of the session agree.
 
     What is more probably of no size leaves the model.  An effect may show in one experiment, at one place or speed
-    alone, but in all repeats of it.  A drift may end soon, but shows in all experiments.
+    alone, but in all repeats of it.  A drift may end soon, but shows in all experiments.  Where nothing was repeated,
+    drifts, and waves that stand by their line alone, must have a size in every way to divide the data.
     """
     known = errors(e, library, selected.fitted, smooth)
-    if CLOCK not in known:
-        return selected
-    of_size = {valued.effect.name: _of_size(valued, known[_borne_out_by(valued)]) for valued in selected.fitted.effects}
+    of_size = {valued.effect.name: _borne_out(valued, known) for valued in selected.fitted.effects}
     weak = min(of_size, key=of_size.__getitem__, default="")
     if weak and of_size[weak] < constants.KEPT:
         return borne_out(e, library, dropped(e, library, selected.fitted, weak, say), smooth, say)
     return selected._replace(probability={name: min(p, of_size[name]) for name, p in selected.probability.items()})
 
 
-def _borne_out_by(valued: EffectValues) -> str:
-    """The way to divide the data whose parts must agree on the size of an effect."""
-    return CLOCK if valued.effect.time_variation is None else EXPERIMENT
+def _borne_out(valued: EffectValues, known: Mapping[str, Errors]) -> float:
+    """Probability that an effect has a size, as far as those parts of the data agree that must."""
+    if CLOCK not in known:
+        drifts = valued.effect.time_variation is not None
+        every = drifts or valued.effect.name in constants.WAVES
+        return min(_of_size(valued, each, each.matrix) for each in known.values()) if every else 1.0
+    way = known[CLOCK if valued.effect.time_variation is None else EXPERIMENT]
+    return _of_size(valued, way, way.between)
 
 
-def _of_size(valued: EffectValues, known: Errors) -> float:
+def _of_size(valued: EffectValues, known: Errors, error: Array) -> float:
     amplitudes = valued.effect.amplitudes
     places = [known.names.index(f"{valued.effect.name}.{each.name}") for each in amplitudes]
     value = np.array([valued.values[each.name] for each in amplitudes])
     usual = np.array([abs(each.typical[0]) for each in amplitudes])
     prior = constants.WIDEST * np.maximum(abs(value), usual)
-    odds = log_odds(value, known.between[np.ix_(places, places)], prior)
+    odds = log_odds(value, error[np.ix_(places, places)], prior)
     return float(expit(np.log(constants.INCLUSION) + odds))

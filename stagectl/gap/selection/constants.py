@@ -15,9 +15,11 @@ LENGTH = 0.5  # share of the length of the nominal bristle; chosen.
 # -- what is known of an effect ----------------------------------------------------------------------------------------
 # Prior odds that an effect is there: one of the library's, on the average.  1/15 or 1/150: 0.116, 0.113.
 INCLUSION = 1.0 / 39.0
-# Times an effect's typical size: its amplitude is of one of these scales.  The first three times 0.5 or 2: 0.121,
-# 0.108.  The last two are of machines of another kind: the spring of a flexure is 290 times that of a cable.
-SCALES = (0.5, 1.0, 3.0, 30.0, 300.0)
+# Times an effect's typical size: its amplitude is of one of these scales; how often, in proportion.  The first three
+# times 0.5 or 2: 0.121, 0.108.  The last two are of machines of another kind, chosen as one in a hundred and in a
+# thousand: the spring of a flexure is 290 times that of a cable.  As often as the others, they make a stiff spring an
+# alternative to gravity.
+SCALES = ((0.5, 1.0), (1.0, 1.0), (3.0, 1.0), (30.0, 0.03), (300.0, 0.003))
 WIDEST = 3.0  # times its value or its typical size: what is known of an effect that is in the model
 # Of the typical size: a trace that every machine has of everything, and the error of form of what is explained.
 # Origin: 12 development machines.  Sum of squares a machine, and wrong names, of the linear evidence alone: 1.06 and 9

@@ -77,9 +77,10 @@ def _candidates(form: Form, number: int, places: tuple[int, ...], share: float) 
         return [Candidate(name, number, Prior(places, np.array(form.typical), constants.BENT * size), share)]
     size = np.abs(np.array([amplitude.typical[0] for amplitude in form.effect.amplitudes]))
     positive = all(amplitude.low == 0.0 for amplitude in form.effect.amplitudes)
-    scales, none = constants.SCALES, np.zeros(len(size))
+    whole, none = sum(often for _, often in constants.SCALES), np.zeros(len(size))
     return [
-        Candidate(name, number, Prior(places, none, scale * size), share / len(scales), positive) for scale in scales
+        Candidate(name, number, Prior(places, none, scale * size), share * often / whole, positive)
+        for scale, often in constants.SCALES
     ]
 
 
