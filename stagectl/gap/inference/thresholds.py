@@ -38,6 +38,7 @@ OF_KIN = 0.25  # of an effect's gain; chosen. What the error of its form may lea
 BAND_STEP = 0.5  # octaves; chosen. Width of one band of the residual's spectrum.
 BAND_COUNT = 3  # bands; chosen. A resonance is looked for in this many neighbouring ones.
 BAND_SHARE = 0.5  # of the residual; chosen. They must hold this much of it.
+SAME_LINE = 0.02  # of its frequency; chosen. Lines of several logs that are further apart are not one oscillation.
 BAND_ABOVE_FORM = 2.0  # times friction laws and noise in these bands; chosen. They must hold more than that.
 DRIVE_OF_NOISE, CLOCK_OF_NOISE = 0.2, 0.03  # of the noise's sum of squares; chosen. Less is the noise's own scatter.
 # Of the sum of squares before the fit; chosen. No friction law disturbs the drive's cut, and none changes with time.

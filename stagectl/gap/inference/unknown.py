@@ -71,17 +71,20 @@ def ordered(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
 def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTerm | None:
     """The shape of the residual of `selected`, over the coordinate that orders it best; None where it has none.
 
-    Noise has no order either: what was not repeated cannot be separated from it, so only a coordinate counts.
+    Noise has no order either: what was not repeated cannot be separated from it, so only a coordinate counts, or a
+    line in time.
     """
     now = selected.fitted
     own = shape_fits.own_columns(e, now)
     known = gram_matrices.with_columns(smooth.known, own)
     shape = _ordered(e, selected, (known, own), smooth)
-    if shape or not refine.repeated(e):
+    if shape:
         return shape
-    kindred = OF_KIN * max((part.gain for part in _explained(e, selected) if part.block != "drive"), default=0.0)
     residual = unstructured_residual.mean_residual(now, known)
     rows = unstructured_residual.free_rows(e, residual, 0)
+    if not refine.repeated(e):
+        return unstructured_residual.oscillation(e, rows, least_gain(e))
+    kindred = OF_KIN * max((part.gain for part in _explained(e, selected) if part.block != "drive"), default=0.0)
     return (
         unstructured_residual.in_a_band(e, rows, max(least_gain(e), kindred))
         or unstructured_residual.over_the_clock(e, now, smooth, least_gain(e) * repeats_of(e))

@@ -17,9 +17,10 @@ from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products, folds, partialled_out
+from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import null_ensemble, refine
+from stagectl.gap.selection import constants, null_ensemble, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 BANDS = "frequency"
@@ -64,6 +65,40 @@ def in_a_band(e: Evidence, rows: FreeRows, least: float) -> UnknownTerm | None:
     if not clear or held < thresholds.BAND_SHARE * whole:
         return None
     return UnknownTerm(BANDS, *_spectrum(e, power, MECHANICS), min(held / whole, 1.0))
+
+
+class Line(NamedTuple):
+    """The highest line in the spectrum of one run's residual."""
+
+    frequency: float  # Hz
+    share: float  # of the residual
+    height: float  # over the median of the octave around it, and over what friction laws reach there
+
+
+def oscillation(e: Evidence, rows: FreeRows, least: float) -> UnknownTerm | None:
+    """One line that holds most of the residual of every run, and more than `least`: what comes from outside.
+
+    Noise has no line, and what the motion makes, it makes with other friction laws as well.
+    """
+    lines = [_line(*of_run) for of_run in zip(e.runs, rows.residual, rows.members, strict=True)]
+    share, middle = min(line.share for line in lines), float(np.median([line.frequency for line in lines]))
+    apart = max(abs(line.frequency - middle) for line in lines)
+    power = powers(e, rows.residual)
+    clear = share >= thresholds.UNKNOWN_PREDICTED and min(line.height for line in lines) >= constants.LINE
+    if not clear or apart > thresholds.SAME_LINE * middle or share * float(power.sum()) < least:
+        return None
+    return UnknownTerm(BANDS, *_spectrum(e, power, MECHANICS), share, line=middle)
+
+
+def _line(run: Run, residual: Array, members: Array) -> Line:
+    """Of a run's `residual` (m,), against the `members` (k, m) of the null ensemble on its path."""
+    power, *laws = np.abs(np.fft.rfft(np.vstack([residual, members]) * np.hanning(len(residual)))) ** 2
+    frequency = np.fft.rfftfreq(len(residual), run.mean.dt * KEPT)
+    top = int(np.argmax(np.where(frequency >= thresholds.LOWEST_FREQUENCY, power, 0.0)))
+    near = np.abs(np.log2(np.maximum(frequency, 1e-9) / max(frequency[top], 1e-9))) <= 0.5
+    heights = [float(one[near].max() / max(np.median(one[near]), 1e-300)) for one in (power, *laws)]
+    share = power[max(top - 2, 0) : top + 3].sum() / max(power.sum(), 1e-300)  # a Hann window's line is so wide
+    return Line(float(frequency[top]), float(share), heights[0] / max([1.0, *heights[1:]]))
 
 
 def in_the_drive(e: Evidence, residual: MeanResidual) -> UnknownTerm | None:

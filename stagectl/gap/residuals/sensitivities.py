@@ -147,9 +147,10 @@ def _simulation(direction: Direction) -> object:
 
 def _column(p: TrackedModel, run: Run, before: ModelResidual, direction: Direction, noise: Whitener) -> Array:
     after = model_residual(direction.change(p), run.mean, SENSITIVITY_SUBSTEPS, direction.load)
-    # What is added to the model leaves its residual: the column is before less after.
-    effort = (before.effort - after.effort) / direction.size
-    current = (before.current - after.current) / direction.size
+    with np.errstate(over="ignore", invalid="ignore"):  # a simulation that diverged stays diverged
+        # What is added to the model leaves its residual: the column is before less after.
+        effort = (before.effort - after.effort) / direction.size
+        current = (before.current - after.current) / direction.size
     return _bounded(_whitened(run, ModelResidual(effort, current), noise))
 
 

@@ -57,6 +57,7 @@ class Gap(NamedTuple):
     low: float  # 95 % interval of the closure, by cluster bootstrap over half strokes
     high: float
     predicted: float | None = None  # closure expected beforehand, on the data that chose the effects
+    effort: float | None = None  # N m | N, root mean square of the effort itself, where the gap is one of effort
 
 
 class Coordinate(NamedTuple):
@@ -92,6 +93,7 @@ class UnknownTerm(NamedTuple):
     predicted: float  # share of the residual that it predicts on data it has not seen
     fields: Fields = ()  # its data-based term in the stage file
     block: str = "mechanics"  # "drive": `force` is a current (A)
+    line: float | None = None  # Hz, of one line that holds it
 
 
 UNORDERED = UnknownTerm("none", np.zeros(0), np.zeros(0), 0.0)  # repeats, and follows no coordinate

@@ -33,7 +33,9 @@ def _none(result: DiagnosisResult) -> str:
     if not gap.floor > 0.0 and gap.before > FLOORS * gap.after:
         return "The model is off, but these logs do not show which of its parameters is."
     if not gap.floor > 0.0:
-        return f"These logs show no missing effect and no parameter error. {_NO_REPEAT}"
+        return f"No effect of the library and no parameter error stands out in these logs. {_NO_REPEAT}"
+    if gap.floor > FLOORS * gap.before:
+        return "Repeats of one experiment differ by more than the model does: they are not of one machine in one state."
     if _at_floor(result, gap.before):
         return "The model agrees with the machine: these logs show no missing effect and no parameter error."
     return "No effect of the library and no parameter explains the gap of these logs."
@@ -170,7 +172,8 @@ def _joined(names: Sequence[str], last: str) -> str:
 def _unknown(result: DiagnosisResult) -> str:
     """How much repeats and is unexplained, and over which coordinate."""
     share, term = dict(result.shares).get(UNEXPLAINED, 0.0), result.unknown
-    text = f"{f'{portion(share)} of' if share > _SMALL else 'a part of'} the gap repeats and is unexplained"
+    repeats = "repeats and is" if headline(result)[1].floor > 0.0 else "is"
+    text = f"{f'{portion(share)} of' if share > _SMALL else 'a part of'} the gap {repeats} unexplained"
     if term is None:
         return text
     ordered = term.coordinate != "none"
@@ -184,6 +187,8 @@ def where_unknown(term: UnknownTerm) -> str:
         return "the drive gives another current than its model, by more than the scatter of repeats"
     if term.coordinate == "time":
         return "friction changes from run to run in another way than any effect of the library"
+    if term.line:
+        return f"it oscillates at {term.line:.3g} Hz, whatever the axis does: one line holds {predicted} of it"
     if term.coordinate == "frequency":
         middle = term.grid[int(np.argmax(term.force))]
         return f"it oscillates, most near {middle:.0f} Hz: a band of one and a half octaves holds {predicted} of it"
@@ -198,6 +203,8 @@ def _distance(result: DiagnosisResult) -> str:
     (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, result.travel)
     unchanged = result.verdict in _NOTHING_CHANGED
     size = f"{before} {unit}" if unchanged else f"{before} -> {after} {unit}"
+    if gap.effort:
+        size += f" ({percent((gap.before if unchanged else gap.after) / gap.effort)} of the effort)"
     noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else "noise floor not known: no run was repeated"
     change = "this decrease is not significant" if gap.after < gap.before else "the model comes no closer"
     doubt = "" if _shrinks(result) or unchanged or not result.named else f"; {change}"

@@ -113,6 +113,7 @@ def along_the_path(session: Session, e: Evidence, selected: Selection, improved:
     before, after = (effort(model, paths, noise, dt) for model in (nominal, better))
     least = effort_floor(now, paths, noise, dt)
     gap = held_out_gap.gap(before, after, least, "N" if session.kind == "linear" else "N m")
+    gap = gap._replace(effort=_whole_effort(paths, session.stage.motor.force_constant))
 
     def remaining(model: TrackedModel) -> float:
         return float(effort(model, paths, noise, dt).squares.sum())
@@ -177,6 +178,13 @@ def effort(p: TrackedModel, runs: Sequence[Run], noise: Whitener, dt: float) -> 
     scale = math.sqrt(BAND / dt)  # back from unit density to the signal's own size
     residuals = _residuals(p, runs, noise)
     return _by_stroke(runs, [[scale * residual for residual in repeats] for repeats in residuals])
+
+
+def _whole_effort(runs: Sequence[Run], force_constant: float) -> float:
+    """Root mean square (N m | N) of the effort of the runs: of the measured current, or of the commanded one."""
+    rows = np.concatenate([run.mean.rows for run in runs])
+    current = rows[:, 2] if np.isfinite(rows[:, 2]).all() else rows[:, 0]
+    return force_constant * float(np.sqrt(np.mean(current**2)))
 
 
 def effort_floor(p: TrackedModel, runs: Sequence[Run], noise: Whitener, dt: float) -> StrokeSums:

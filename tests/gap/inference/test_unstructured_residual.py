@@ -15,6 +15,8 @@ from stagectl_studies.machine.trials import draw
 from stagectl.gap import diagnose
 from stagectl.gap.inference import unstructured_residual
 from stagectl.gap.logs import load_session
+from stagectl.gap.residuals.thresholds import KEPT
+from stagectl.gap.residuals.whitening import Whitener
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 
@@ -89,3 +91,25 @@ def test_words_of_a_band() -> None:
     shape = UnknownTerm("frequency", np.array([10.0, 20.0]), np.array([0.1, 0.4]), 0.8)
     assert verdict_text.where_unknown(shape).startswith("it oscillates, most near 20 Hz")
     assert "another current" in verdict_text.where_unknown(shape._replace(block="drive"))
+
+
+@pytest.mark.parametrize(
+    ("lines", "of_laws", "found"),
+    [((17.3, 17.3), 0.0, True), ((17.3, 19.0), 0.0, False), ((17.3, 17.3), 1.0, False), ((0.0, 0.0), 0.0, False)],
+)
+def test_one_line_in_time_comes_from_outside(lines: tuple[float, float], of_laws: float, found: bool) -> None:
+    """In every run, at one frequency, and none that friction has on the same path; noise has no line."""
+    rng, dt, count = np.random.default_rng(3), 1e-3, 8000
+    time = dt * KEPT * np.arange(count)
+    run = SimpleNamespace(mean=SimpleNamespace(dt=dt), weight=np.ones(count))
+    flat = Whitener(np.array([1.0, 100.0]), np.ones(2), np.ones(2))
+    e: Any = SimpleNamespace(runs=[run, run], base=SimpleNamespace(noise=flat))
+    waves = [np.sin(2.0 * np.pi * line * time) for line in lines]
+    residual = [3.0 * wave + rng.standard_normal(count) for wave in waves]
+    members = [of_laws * wave + 0.01 * rng.standard_normal((4, count)) for wave in waves]
+    term = unstructured_residual.oscillation(e, unstructured_residual.FreeRows(residual, members), 100.0)
+    assert (term is not None) is found
+    if term is not None:
+        assert (term.coordinate, term.line) == ("frequency", pytest.approx(17.3, abs=0.05))
+        assert term.predicted == pytest.approx(4.5 / 5.5, abs=0.05)
+        assert "17.3 Hz" in verdict_text.where_unknown(term)

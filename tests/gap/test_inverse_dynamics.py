@@ -1,4 +1,4 @@
-"""Springs of a flexure stage, by their inverse dynamics alone: of a size no cable has, and of a law no effect has."""
+"""A flexure stage by its inverse dynamics alone: springs of a size and of a law that no cable has."""
 
 from __future__ import annotations
 
