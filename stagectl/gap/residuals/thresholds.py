@@ -56,6 +56,9 @@ REVERSED = 0.95  # share of the friction that has reversed at the end of the rol
 # -- least squares on Gram matrices ------------------------------------------------------------------------------------
 FLAT = 1e-9  # smallest eigenvalue of the correlation matrix that counts as determined
 RIDGE = 1e-10  # share added to each diagonal element: columns that the data cannot separate stay finite
+# Share of a column's sum of squares: what others leave of it below that is rounding, as its rows have single precision.
+# A constant force next to a bias: 1.6e-9.
+EXPLAINED = 1e-8
 SINGULAR = 1e-14  # relative singular value below which a direction is left out of a fit
 
 # -- orders of the pitch and resonances --------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.residuals.half_strokes import spans
-from stagectl.gap.residuals.thresholds import RIDGE
+from stagectl.gap.residuals.thresholds import EXPLAINED, RIDGE
 from stagectl.gap.selection import candidates, constants, null_ensemble, refine, usual_sizes
 from stagectl.gap.selection.candidates import EffectValues, Form
 from stagectl.gap.selection.evidence import (
@@ -151,12 +151,15 @@ def _left(g: Array, nuisances: Sequence[Prior]) -> float:
 def _start(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Conditioned:
     """The data with all nuisances integrated out; each cut counts with the power of its likelihood."""
     mixed = powers[0] * g.effort.sum(axis=0) + powers[1] * g.current.sum(axis=0)
-    gram = mixed[:-1, :-1] + RIDGE * np.diag(np.diag(mixed)[:-1])  # rounding must not make it indefinite
+    squares = np.diag(mixed)[:-1]
+    gram = mixed[:-1, :-1] + RIDGE * np.diag(squares)  # rounding must not make it indefinite
     state = Conditioned(gram, mixed[:-1, -1], -0.5 * float(mixed[-1, -1]))
     for prior in nuisances:
         if prior.places:
             state = conditioned(state, prior)
-    return state
+    # Of a column that the nuisances explain, rounding is left: it says nothing.
+    own = np.diag(state.gram) > EXPLAINED * squares
+    return state._replace(gram=state.gram * np.outer(own, own), right=state.right * own)
 
 
 def strokes(e: Evidence) -> int:
