@@ -100,7 +100,10 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     library = candidates_of(evidence, size, options)
     timer.begin(Step.SEARCH)
     functions = unknown.functions(evidence, size, library)
-    library = library._replace(predicted=lambda e, now: unknown.predicted(e, now, functions))
+    library = library._replace(
+        predicted=lambda e, now: unknown.predicted(e, now, functions),
+        elsewhere=lambda e, now, coordinates: unknown.elsewhere(e, now, functions, coordinates),
+    )
     selected = select.select(evidence, library, progress)
     selected = value_errors.borne_out(evidence, library, selected, functions, progress)
     selected = selected._replace(fitted=cable_centre.centred(evidence, selected.fitted))

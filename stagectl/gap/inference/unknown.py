@@ -5,7 +5,7 @@ It is reported where it is large, repeats, and can be predicted on data that it 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +60,14 @@ def largest(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
     fits = shape_fits.single_coordinate(e, now, shape_fits.own_columns(e, now), smooth)
     of_coordinates = [fit.gain * repeats for fit in fits if fit.clear(least)]
     return max([*of_coordinates, unstructured_residual.clock_gain(e, now, smooth, least * repeats)[0]])
+
+
+def elsewhere(e: Evidence, now: Fitted, smooth: BasisColumns, coordinates: Collection[str]) -> float:
+    """Largest share of the residual of `now` that a function of a coordinate other than `coordinates` predicts."""
+    beside = {*coordinates, *(KINDRED[one] for one in coordinates if one in KINDRED)}
+    bases = [basis for basis in smooth.bases if basis.coordinate not in beside]
+    fits = shape_fits.single_coordinate(e, now, shape_fits.own_columns(e, now), smooth._replace(bases=bases))
+    return max((fit.share for fit in fits if fit.clear(least_gain(e))), default=0.0)
 
 
 def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTerm | None:

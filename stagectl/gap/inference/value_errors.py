@@ -162,6 +162,6 @@ def _of_size(valued: EffectValues, known: Errors) -> float:
     places = [known.names.index(f"{valued.effect.name}.{each.name}") for each in amplitudes]
     value = np.array([valued.values[each.name] for each in amplitudes])
     usual = np.array([abs(each.typical[0]) for each in amplitudes])
-    prior = constants.SCALES[-1] * np.maximum(abs(value), usual)
+    prior = constants.WIDEST * np.maximum(abs(value), usual)
     odds = log_odds(value, known.between[np.ix_(places, places)], prior)
     return float(expit(np.log(constants.INCLUSION) + odds))

@@ -15,8 +15,10 @@ LENGTH = 0.5  # share of the length of the nominal bristle; chosen.
 # -- what is known of an effect ----------------------------------------------------------------------------------------
 # Prior odds that an effect is there: one of the library's, on the average.  1/15 or 1/150: 0.116, 0.113.
 INCLUSION = 1.0 / 39.0
-# Times an effect's typical size: its amplitude is of one of these scales.  All times 0.5 or 2: 0.121, 0.108.
-SCALES = (0.5, 1.0, 3.0)
+# Times an effect's typical size: its amplitude is of one of these scales.  The first three times 0.5 or 2: 0.121,
+# 0.108.  The last two are of machines of another kind: the spring of a flexure is 290 times that of a cable.
+SCALES = (0.5, 1.0, 3.0, 30.0, 300.0)
+WIDEST = 3.0  # times its value or its typical size: what is known of an effect that is in the model
 # Of the typical size: a trace that every machine has of everything, and the error of form of what is explained.
 # Origin: 12 development machines.  Sum of squares a machine, and wrong names, of the linear evidence alone: 1.06 and 9
 # at 0, 0.70 and 4 at 0.05, 0.59 and 2 at 0.1, 0.56 and 2 at 0.2.  On 16 unseen ones the whole diagnosis finds one
@@ -48,6 +50,9 @@ COMPARABLE = 0.1  # odds of another effect in the place of one: from there on it
 # Of what a function of one coordinate predicts: mechanical effects that explain less are not the cause.  Chosen on an
 # earlier exam; not yet varied here.
 ADEQUATE = 0.57
+# Times what a function of one coordinate leaves: mechanical effects that act over others and leave more are not the
+# cause.  Chosen; not yet varied.
+OUTDONE = 4.0
 # Of all that is left above the noise: one effect that explains so much of it is its cause, whether or not what is left
 # has an order.  Origin: an effect hidden behind a stronger one explained 0.93.  Next to the models of some 28 machines
 # the columns of effects that are not there explained 0.38 at most, but for a gain of the current, whose column alone

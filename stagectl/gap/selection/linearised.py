@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,8 @@ WIDER = {effect.name: effect.generalisations for effect in EFFECTS.values() if e
 Cuts = tuple[float, float]  # of the residual effort and of the missing current
 # Sums of squares of a model's residuals that repeat and have an order, so that an unknown would be named.
 Predicted = Callable[[Evidence, Fitted], Cuts]
+# Largest share of a model's residuals that a function of a coordinate predicts which is none of these.
+Elsewhere = Callable[[Evidence, Fitted, Collection[str]], float]
 
 
 class Library(NamedTuple):
@@ -41,6 +43,7 @@ class Library(NamedTuple):
     products: gram_matrices.Products
     excess: Cuts  # sum of squares above the floor that the nuisances leave of the baseline fit
     predicted: Predicted = lambda *_: (0.0, 0.0)
+    elsewhere: Elsewhere = lambda *_: 0.0
 
 
 class Linearised(NamedTuple):

@@ -65,11 +65,24 @@ def _with_more(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
     starts = _starts(e, library, now, added)
     after = _first_of(e, now, added, starts, _grown(e, now, added, starts))
-    if after is not None and any(valued.effect.block != DRIVE for valued in added):
-        left, predicted = linearised.excess(e, library, after), library.predicted(e, now)
-        if predicted[0] and not adequate(at.excess[0], left[0], predicted[0]):
-            return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE], starts)
-    return after
+    if after is None or _stands_against_functions(e, library, now, after):
+        return after
+    return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE], starts)
+
+
+def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
+    """Whether the mechanics that `after` adds to `now` explain about as much as any function of one coordinate.
+
+    What acts over that coordinate itself may leave more than the function does: that is an error of its form.
+    """
+    present = {valued.effect.name for valued in now.effects}
+    added = [EFFECTS[valued.effect.name] for valued in after.effects if valued.effect.name not in present]
+    predicted = library.predicted(e, now)[0]
+    if not predicted or all(effect.block == DRIVE for effect in added):
+        return True
+    before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
+    elsewhere = library.elsewhere(e, now, {c for effect in added for c in effect.seen_over})
+    return adequate(before, left, predicted) and left <= constants.OUTDONE * (1.0 - elsewhere) * before
 
 
 def _first_of(
@@ -107,7 +120,7 @@ def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
         return None
     left = linearised.excess(e, library, after)
     fits = nearly_all(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted)
-    return after if fits else None
+    return after if fits and _stands_against_functions(e, library, now, after) else None
 
 
 def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequence[EffectValues]) -> Fitted | None:

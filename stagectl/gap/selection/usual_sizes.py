@@ -89,8 +89,7 @@ def of_own(now: Fitted, places: Places) -> Prior:
     for valued in now.effects:
         effect = valued.effect
         sizes = [
-            (a.name, constants.SCALES[-1] * max(abs(valued.values[a.name]), abs(a.typical[0])))
-            for a in effect.amplitudes
+            (a.name, constants.WIDEST * max(abs(valued.values[a.name]), abs(a.typical[0]))) for a in effect.amplitudes
         ]
         sizes += [(s.name, constants.SHAPE * valued.values[s.name]) for s in effect.shapes if s.refined]
         names += [f"{effect.name}.{name}" for name, _ in sizes]

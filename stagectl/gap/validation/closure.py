@@ -68,7 +68,7 @@ def in_closed_loop(session: Session, selected: Selection, improved: Stage, logs:
     def remaining(model: TrackedModel) -> float:
         return held_out_gap.remaining(judged, rollouts.simulated_logs(session, model.stage, logs))
 
-    shares = _shares(session, selected, remaining, position)
+    shares = _shares(session, selected, improved, remaining, position)
     traces = held_out_gap.traces([item.log for item in judged], before, after, position.floor, session.dt)
     measured = gaps if session.logs[0].current is not None else {}
     return Closure(position, measured, shares, traces, stays_open(position, logs))
@@ -117,23 +117,26 @@ def along_the_path(session: Session, e: Evidence, selected: Selection, improved:
     def remaining(model: TrackedModel) -> float:
         return float(effort(model, paths, noise, dt).squares.sum())
 
-    return Closure(gap, {}, _shares(session, selected, remaining, gap), [])
+    return Closure(gap, {}, _shares(session, selected, improved, remaining, gap), [])
 
 
 def _shares(
-    session: Session, selected: Selection, remaining: Callable[[TrackedModel], float], gap: Gap
+    session: Session, selected: Selection, improved: Stage, remaining: Callable[[TrackedModel], float], gap: Gap
 ) -> dict[str, float]:
     """Shares of the squared gap before: parameters, effects, the unexplained, what repeats differ by.
 
-    `remaining` gives the sum of squares that a model leaves.
+    `remaining` gives the sum of squares that a model leaves.  What only the table of `improved` takes is unexplained.
     """
     now, nominal = selected.fitted, sensitivities.model_of(session, session.stage)
+    tables = [UNEXPLAINED] if improved.residual is not session.stage.residual else []
 
     def of(members: frozenset[str]) -> float:
         model = now.model if PARAMETERS in members else nominal
+        if UNEXPLAINED in members:
+            model = model._replace(stage=model.stage._replace(residual=improved.residual))
         return remaining(equipped(model, [fitted for fitted in now.effects if fitted.effect.name in members]))
 
-    return scaled(shapley([PARAMETERS, *(fitted.effect.name for fitted in now.effects)], of), gap)
+    return scaled(shapley([PARAMETERS, *(fitted.effect.name for fitted in now.effects), *tables], of), gap)
 
 
 def shapley(players: Sequence[str], remaining: Callable[[frozenset[str]], float]) -> dict[str, float]:
@@ -165,7 +168,8 @@ def scaled(taken: dict[str, float], gap: Gap) -> dict[str, float]:
     scale = (whole - gap.after**2) / count if abs(count) > 0.0 else 0.0
     shares = {name: value * scale / whole for name, value in taken.items()}
     noise = min(gap.floor**2 / whole, 1.0)
-    return {**shares, UNEXPLAINED: 1.0 - noise - sum(shares.values()), NOISE: noise}
+    rest = 1.0 - noise - sum(shares.values())
+    return {**shares, UNEXPLAINED: shares.get(UNEXPLAINED, 0.0) + rest, NOISE: noise}
 
 
 def effort(p: TrackedModel, runs: Sequence[Run], noise: Whitener, dt: float) -> StrokeSums:

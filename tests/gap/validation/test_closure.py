@@ -39,6 +39,11 @@ def test_shares_are_of_the_squared_gap_and_sum_to_one() -> None:
     assert sum(shares.values()) == pytest.approx(1.0)
 
 
+def test_what_only_a_table_takes_is_unexplained() -> None:
+    shares = closure.scaled({"parameters": 6.0, UNEXPLAINED: 2.0}, gap(10.0, 6.0, 2.0))
+    assert shares == pytest.approx({"parameters": 0.48, UNEXPLAINED: 0.16 + 0.32, NOISE: 0.04})
+
+
 def test_where_there_is_no_gap_all_is_noise() -> None:
     assert closure.scaled({"parameters": 1.0}, gap(0.0, 0.0, 0.0)) == {"parameters": 0.0, UNEXPLAINED: 0.0, NOISE: 1.0}
 
