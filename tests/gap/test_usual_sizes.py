@@ -53,7 +53,9 @@ def test_the_forms_and_scales_of_an_effect_share_its_prior() -> None:
     for name in ("a", "b", "backlash"):
         assert sum(candidate.share for candidate in tried if candidate.effect == name) == pytest.approx(1.0)
     assert {float(c.prior.deviation[0]) for c in tried if c.form == 0} == {0.2 * scale for scale in constants.SCALES}
-    assert [candidate.positive for candidate in tried if candidate.effect == "a"] == [False] * (2 * len(constants.SCALES))
+    assert [candidate.positive for candidate in tried if candidate.effect == "a"] == [False] * (
+        2 * len(constants.SCALES)
+    )
     assert all(candidate.positive for candidate in tried if candidate.effect == "b")
 
 
