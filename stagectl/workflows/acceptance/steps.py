@@ -16,10 +16,11 @@ from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.network import check_profile
 from stagectl.drives.canopen.presets import for_vendor
 from stagectl.drives.canopen.probe import against_eds
+from stagectl.drives.canopen.probe import identity as reported_identity
 from stagectl.drives.drive import Fault
 from stagectl.kernels import rollout
 from stagectl.service.virtual_timeouts import waits_for_sync
-from stagectl.workflows.acceptance.drive_reader import DriveReader, Stop
+from stagectl.workflows.acceptance.drive_reader import Stop
 from stagectl.workflows.acceptance.limits import (
     CLIP_FACTOR,
     CLIP_TIME,
@@ -171,7 +172,6 @@ def _nudged(bench: Workbench, direction: int) -> tuple[Seen, float]:
     return seen, seen.position - here
 
 
-_IDENTITY = ("vendor", "product", "revision", "serial number")
 _TEXTS = {
     cia402.DEVICE_NAME: "device name",
     cia402.HARDWARE_VERSION: "hardware version",
@@ -185,7 +185,7 @@ def identity(bench: Workbench) -> Found:
     """The drive is the one that EDS and stage file are for.  Nothing is written."""
     with bench.reading_alone() as drive:
         check_profile(drive.number(cia402.DEVICE_TYPE) or 0, bench.wire.node)
-        bench.drive = _identified(drive)
+        bench.drive = {name: shown for name, shown in reported_identity(drive.read, _TEXTS).items() if shown}
         preset = for_vendor(drive.number(cia402.IDENTITY, 1))
         doubts = against_eds(bench.wire, drive.read, preset)
         rated = drive.number(cia402.RATED_CURRENT)
@@ -219,16 +219,3 @@ def protection(bench: Workbench) -> Found:
         raise StepError(f"0x6007 (abort connection) is {reported}; must be 1, 2 or 3: nothing stops the axis", facts)
     watching = ", ".join(f"{name} {time * 1e3:.0f} ms" for name, time in held.supervisors.items())
     return passed(f"{watching}; then: {cia402.option(cia402.ABORT_CONNECTION, held.reaction)}", **facts)
-
-
-def _identified(drive: DriveReader) -> dict[str, str]:
-    known = {}
-    for subindex, name in enumerate(_IDENTITY, start=1):
-        value = drive.number(cia402.IDENTITY, subindex)
-        if value is not None:
-            known[name] = f"0x{value:08X}"
-    for index, name in _TEXTS.items():
-        text = (drive.read(index) or b"").decode("latin-1").strip("\0 ")
-        if text:
-            known[name] = "".join(letter if letter.isprintable() else "?" for letter in text)
-    return known
