@@ -165,15 +165,14 @@ def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:
         raise _not_allowed(place) from error
     except OSError as error:
         raise nobody(place, error) from error
-    try:
-        answer = link.ask(QUICK_STOP if quick else STOP, axis, STOP_ANSWER)
-        if "error" in answer:
-            raise RefusedError(answer["error"])
-        return _stood(link, axis, quick)
-    except OSError as error:
-        raise _unstopped(path) from error
-    finally:
-        link.close()
+    with contextlib.closing(link):
+        try:
+            answer = link.ask(QUICK_STOP if quick else STOP, axis, STOP_ANSWER)
+            if "error" in answer:
+                raise RefusedError(answer["error"])
+            return _stood(link, axis, quick)
+        except OSError as error:
+            raise _unstopped(path) from error
 
 
 def _stood(link: StopLink, axis: str, quick: bool) -> dict[str, Any]:
@@ -217,15 +216,13 @@ def fetch(path: Path, what: str, target: Path) -> None:
     from stagectl.recording.hdf5 import check_target
 
     check_target(target)
-    link = _UnixConnection(path, MOTION_TIME)
     try:
-        link.request("GET", urllib.parse.quote(what))
-        answer = link.getresponse()
-        if answer.status >= 400:
-            raise RefusedError(str(json.loads(answer.read()).get("error")))
-        with replaced(target) as fresh, fresh.open("wb") as file:
-            shutil.copyfileobj(answer, file)
+        with contextlib.closing(_UnixConnection(path, MOTION_TIME)) as link:
+            link.request("GET", urllib.parse.quote(what))
+            answer = link.getresponse()
+            if answer.status >= 400:
+                raise RefusedError(str(json.loads(answer.read()).get("error")))
+            with replaced(target) as fresh, fresh.open("wb") as file:
+                shutil.copyfileobj(answer, file)
     except (http.client.HTTPException, ConnectionError) as error:
         raise ControlError(f"the service on {path} ended while it sent {what} ({error})") from error
-    finally:
-        link.close()
