@@ -207,8 +207,14 @@ def _not_allowed(path: Path) -> ControlError:
     )
 
 
-def fetch(path: Path, what: str, target: Path) -> None:
-    """Write the recording that a request gives to `target`.
+def status_of(path: Path, axis: str) -> dict[str, Any]:
+    """The status of an axis, of the first one where none is named."""
+    axes: list[dict[str, Any]] = ask(path, "GET", "/v1/status")["axes"]
+    return next(each for each in axes if axis in ("", each["axis"]))
+
+
+def fetch(path: Path, axis: str, name: str, target: Path) -> None:
+    """Write the recording of an axis whose file is called `name` to `target`.
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask, RecordingError where
     `target` is not ours to write.
@@ -216,6 +222,7 @@ def fetch(path: Path, what: str, target: Path) -> None:
     from stagectl.recording.hdf5 import check_target
 
     check_target(target)
+    what = f"/v1/recordings/recordings/{axis}/{name}"
     try:
         with contextlib.closing(_UnixConnection(path, MOTION_TIME)) as link:
             link.request("GET", urllib.parse.quote(what))
