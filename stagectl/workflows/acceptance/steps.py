@@ -20,7 +20,6 @@ from stagectl.drives.canopen.probe import identity as reported_identity
 from stagectl.drives.drive import Fault
 from stagectl.kernels import rollout
 from stagectl.service.virtual_timeouts import waits_for_sync
-from stagectl.workflows.acceptance.drive_reader import Stop
 from stagectl.workflows.acceptance.limits import (
     CLIP_FACTOR,
     CLIP_TIME,
@@ -91,11 +90,7 @@ def killed(bench: Workbench) -> Found:
     with bench.creeping(1, bench.window) as (trial, _):
         seen = bench.at_speed(trial, 1)
         trial.kill()
-        seen = trial.seen() or seen  # the last period that it lived
-        bench.left("kill -9", seen)
-        bound = _loss_bound(bench, seen)
-        stop = bench.stopped(seen, bench.protection.timeout, bound)
-    return _lost(bench, stop, bound, seen)
+        return _lost(bench, trial.seen() or seen, "kill -9")  # seen in the last period that it lived
 
 
 def silent(bench: Workbench) -> Found:
@@ -103,14 +98,10 @@ def silent(bench: Workbench) -> Found:
     with bench.creeping(-1, bench.window) as (trial, _):
         seen = bench.at_speed(trial, -1)
         trial.freeze()
-        seen = trial.seen() or seen
-        bench.left("the last message", seen)
-        bound = _loss_bound(bench, seen)
         try:
-            stop = bench.stopped(seen, bench.protection.timeout, bound)
+            return _lost(bench, trial.seen() or seen, "the last message")
         finally:
             trial.kill()  # it must not wake up and go on
-    return _lost(bench, stop, bound, seen)
 
 
 def quick_stop(bench: Workbench) -> Found:
@@ -144,18 +135,19 @@ def travel_limits(bench: Workbench) -> Found:
     return bench.judged(farthest, bound, **facts)
 
 
-def _lost(bench: Workbench, stop: Stop, bound: float, seen: Seen) -> Found:
-    """A stop without controller against its bound; which of them proves nothing."""
+def _lost(bench: Workbench, seen: Seen, event: str) -> Found:
+    """The stop of an axis whose controller an `event` has lost, against its bound; which of them proves nothing.
+
+    The bound is never more than the room that a person keeps free.
+    """
+    bench.left(event, seen)
+    bound = min(lost_controller_bound(bench.setup, bench.protection, seen.speed, seen.current), bench.window)
+    stop = bench.stopped(seen, bench.protection.timeout, bound)
     facts = {"time": stop.time, "speed": bench.table(seen.speed), "state": stop.state.words}
     outcome, words, measured, most, facts = bench.judged(stop.distance, bound, **facts)
     if waits_for_sync(bench.setup):
         words += "; this proves nothing: the time of this virtual drive stands still while the bus is silent"
     return outcome, words, measured, most, facts
-
-
-def _loss_bound(bench: Workbench, left: Seen) -> float:
-    """Bound (rad | m) of a stop without controller: never more than the room that a person keeps free."""
-    return min(lost_controller_bound(bench.setup, bench.protection, left.speed, left.current), bench.window)
 
 
 def _nudged(bench: Workbench, direction: int) -> tuple[Seen, float]:
