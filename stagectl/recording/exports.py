@@ -32,8 +32,7 @@ from stagectl.recording.export_targets import (
     targets,
 )
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
-from stagectl.recording.in_memory import header as header
-from stagectl.recording.in_memory import units_of
+from stagectl.recording.in_memory import header, units_of
 from stagectl.recording.metadata import flat, made_at
 from stagectl.recording.nominal_yaml import nominal_of
 from stagectl.replacing import check_replaceable, replaced, write_text
