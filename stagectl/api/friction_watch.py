@@ -7,14 +7,14 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from stagectl.api.identification import identify
 from stagectl.api.record import MotionRecord, load_log
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.kernels import stage as stage_model
 from stagectl.units import StageError
-from stagectl.web.client import ask, default_socket, fetch
+from stagectl.web.client import ask, default_socket, fetch, status_of
 from stagectl.workflows.friction_watch import FrictionWatch, Look, Verdict, legs
 
 _POLL = 0.2  # s between two looks whether another motion has begun
@@ -90,7 +90,7 @@ def _recorded(watched: Watched, seconds: float, folder: Path) -> MotionRecord:
         if time.monotonic() > end:
             raise StageError(f"the service has not written {begun['file']} in {_FILE:g} s; see its messages")
         time.sleep(_POLL)
-    fetch(watched.socket, f"/v1/recordings/recordings/{begun['axis']}/{begun['file']}", path)
+    fetch(watched.socket, begun["axis"], begun["file"], path)
     with contextlib.suppress(OSError):  # of another user: the service keeps it as long as any recording
         Path(begun["path"]).unlink()
     record = load_log(path)
@@ -101,20 +101,15 @@ def _recorded(watched: Watched, seconds: float, folder: Path) -> MotionRecord:
 def _next_motion(watched: Watched) -> None:
     """Wait until the motion that was laid out before has ended."""
     progress = -1.0
-    while (now := _status(watched))["state"] == "moving" and (now["progress"] or 0.0) >= progress:
+    while (now := status_of(*watched))["state"] == "moving" and (now["progress"] or 0.0) >= progress:
         progress = now["progress"] or 0.0
         time.sleep(_POLL)
 
 
 def _pass(watched: Watched, rows: int) -> None:
     """Wait until the loop has written so many rows more: where it is late, that takes longer than they say."""
-    seen, left = int(_status(watched)["cycles"]), rows
+    seen, left = int(status_of(*watched)["cycles"]), rows
     while left > 0:
         time.sleep(_POLL)
-        now = int(_status(watched)["cycles"])
+        now = int(status_of(*watched)["cycles"])
         left, seen = left - max(now - seen, 0), now  # another loop counts from 0
-
-
-def _status(watched: Watched) -> dict[str, Any]:
-    axes: list[dict[str, Any]] = ask(watched.socket, "GET", "/v1/status")["axes"]
-    return next(each for each in axes if watched.axis in ("", each["axis"]))

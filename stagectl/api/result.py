@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import importlib
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -145,9 +146,7 @@ def _text(table: Table) -> str:
 
 
 def _lines(row: Sequence[str]) -> list[list[str]]:
-    cells = [cell.split("\n") for cell in row]
-    height = max(map(len, cells))
-    return [[cell[number] if number < len(cell) else "" for cell in cells] for number in range(height)]
+    return [list(line) for line in itertools.zip_longest(*(cell.split("\n") for cell in row), fillvalue="")]
 
 
 def _html(table: Table) -> str:

@@ -7,21 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stagectl.cli.motion import Json
+from stagectl.cli.motion import Json, StageArgument
+from stagectl.cli.service import Stages
 from stagectl.cli.show import console, emit, without_compiler
 
 if TYPE_CHECKING:
     from stagectl.service.install import Step
 
-Stages = Annotated[
-    list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
-]
 Root = Annotated[Path, typer.Option(metavar="FOLDER", help="Root folder of the target system.")]
 service = typer.Typer(help="The systemd service: install, remove.", no_args_is_help=True)
 
 
 def doctor(
-    stage: Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")],
+    stage: StageArgument,
     state: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="State folder of the service; default: $STATE_DIRECTORY.")
     ] = None,

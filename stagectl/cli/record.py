@@ -83,7 +83,7 @@ def _fetched(begun: dict[str, str], output: Path, socket: Path | None) -> None:
 
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
-        fetch(socket or default_socket(), f"/v1/recordings/recordings/{begun['axis']}/{begun['file']}", output)
+        fetch(socket or default_socket(), begun["axis"], begun["file"], output)
     except (OSError, StageError) as error:
         remedy = f"the service keeps the rows in {begun['path']}: copy them from there"
         reason = f"{output} cannot be written: {why_unread(error)}"

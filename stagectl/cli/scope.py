@@ -15,7 +15,7 @@ import typer
 
 from stagectl.api.arguments import quantity, terminal
 from stagectl.cli.motion import Json
-from stagectl.cli.service import AxisName, Socket, ask_service
+from stagectl.cli.service import AxisName, Socket, answered, ask_service
 from stagectl.cli.show import console, emit
 from stagectl.named_values import names_of
 from stagectl.number_format import duration, length
@@ -51,7 +51,7 @@ def scope(
         return
     from stagectl.web.capture_client import captures
     from stagectl.web.capture_client import trigger as read
-    from stagectl.web.client import RefusedError, default_socket
+    from stagectl.web.client import default_socket
 
     names = names_of(channels) or ["error", "measured_current"]
     once = once or json is not None
@@ -65,12 +65,8 @@ def scope(
         "trigger": wanted,
         "mode": ("single" if trigger else "auto") if once else "normal" if trigger else "auto",
     }
-    try:
-        seen = _waited(captures(socket or default_socket(), request), wanted, axis)
-        _watched(seen, names, axis, once, json)
-    except RefusedError as error:
-        console.print(f"refused: {error}", style="red")
-        raise typer.Exit(1) from error
+    seen = _waited(captures(socket or default_socket(), request), wanted, axis)
+    answered(lambda: _watched(seen, names, axis, once, json))
 
 
 def _waited(seen: Any, trigger: dict[str, str] | None, axis: str) -> Iterator[Any]:

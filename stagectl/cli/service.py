@@ -18,6 +18,9 @@ from stagectl.problem import Problem, ProblemKind
 from stagectl.service import shutdown_signals
 from stagectl.units import StageError
 
+Stages = Annotated[
+    list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
+]
 Socket = Annotated[
     Path | None,
     typer.Option("--socket", metavar="PATH", help="Control socket of the service; default: $STAGECTL_SOCKET."),
@@ -28,9 +31,7 @@ fault = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=
 
 @shutdown_signals.held_back(*shutdown_signals.STOPS)
 def serve(
-    stages: Annotated[
-        list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
-    ],
+    stages: Stages,
     socket: Annotated[Path | None, typer.Option(metavar="PATH", help="Control socket.")] = None,
     state: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Folder for black boxes; default: $STATE_DIRECTORY.")
@@ -145,7 +146,7 @@ def stop(
     """
     from stagectl.web import client
 
-    _show(_answered(lambda: client.stop(socket or client.default_socket(), quick, axis)), json)
+    _show(answered(lambda: client.stop(socket or client.default_socket(), quick, axis)), json)
 
 
 def follow(
@@ -241,10 +242,10 @@ def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any
     """The answer of the service; exit code 1 for a refusal, 2 without an answer."""
     from stagectl.web.client import ask, default_socket
 
-    return _answered(lambda: ask(socket or default_socket(), method, what, body))
+    return answered(lambda: ask(socket or default_socket(), method, what, body))
 
 
-def _answered(asked: Callable[[], Any]) -> Any:
+def answered(asked: Callable[[], Any]) -> Any:
     """What the service says; exit code 1 for a refusal."""
     from stagectl.web.client import RefusedError
 

@@ -221,12 +221,8 @@ def replace_file(target: Path, content: bytes, check: Callable[[Path], object]) 
             fresh.write_bytes(content)
             check(fresh)
     except OSError as error:
-        reason = f"cannot be written: {error.strerror or error}; it is as it was"
-        raise ConfigError(_unwritten(target, reason)) from error
+        reason = f"{target} cannot be written: {error.strerror or error}; it is as it was"
+        raise ConfigError(Problem(reason, ProblemKind.FILE, file=target)) from error
     except StageError as error:
         reasons = (p._replace(file=target) if p.file == fresh else p for p in error.problems)
         raise ConfigError("nothing is written, as the changed stage would be refused:", *reasons) from error
-
-
-def _unwritten(target: Path, reason: str) -> Problem:
-    return Problem(f"{target} {reason}", ProblemKind.FILE, file=target)

@@ -20,6 +20,7 @@ from xml.parsers.expat import ErrorString
 import mujoco
 import numpy as np
 
+from stagectl.interchange.mujoco_model import GAUSSIAN
 from stagectl.problem import absent
 from stagectl.units import LINEAR, ROTARY, StageError
 
@@ -28,7 +29,6 @@ _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 _FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
 _LAGS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _DIRECT = int(mujoco.mjtDyn.mjDYN_NONE)
-_GAUSSIAN = 2.0  # shape of the Stribeck curve in `lugre`
 
 
 class Nominal(NamedTuple):
@@ -172,7 +172,7 @@ def _holds(p: _Joint, bristle: int) -> float:
 def _lugre(p: _Joint, bristle: int) -> dict[str, Any]:
     coulomb, static, velocity = map(float, p.model.actuator_biasprm[bristle][3:6])
     stiffness, damping = map(float, p.model.actuator_dynprm[bristle][5:7])
-    curve = {"rise": static / coulomb - 1.0, "velocity": velocity, "shape": _GAUSSIAN}
+    curve = {"rise": static / coulomb - 1.0, "velocity": velocity, "shape": GAUSSIAN}
     return {
         "law": "lugre", "coulomb": coulomb, "stiffness": stiffness, "damping": damping,
         **({"stribeck": curve} if static > coulomb else {}),

@@ -25,8 +25,8 @@ from stagectl.recording.columns import (
 )
 from stagectl.recording.csv_layout import WORDS, Layout, layout
 from stagectl.recording.csv_table import read_table
-from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
+from stagectl.recording.in_memory import header
 from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError
 

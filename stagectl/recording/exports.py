@@ -6,7 +6,6 @@ metadata, and next to the samples in the MAT file.
 
 from __future__ import annotations
 
-import datetime
 import json
 import re
 from collections import Counter
@@ -33,9 +32,8 @@ from stagectl.recording.export_targets import (
     targets,
 )
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
-from stagectl.recording.in_memory import header as header
-from stagectl.recording.in_memory import units_of
-from stagectl.recording.metadata import flat
+from stagectl.recording.in_memory import header, units_of
+from stagectl.recording.metadata import flat, made_at
 from stagectl.recording.nominal_yaml import nominal_of
 from stagectl.replacing import check_replaceable, replaced, write_text
 from stagectl.trajectories import Recorded
@@ -254,14 +252,10 @@ def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
         repeats[name] += 1
         entry = {"file": f"{name}-{repeats[name]}.csv", "experiment": name, "repeat": repeats[name], "use": "diagnose"}
         if "law" in recording.meta:  # the date of an import is not that of its capture
-            entry["start_s"] = _seconds(recording) - min(map(_seconds, recordings))
+            entry["start_s"] = made_at(recording.meta) - min(made_at(each.meta) for each in recordings)
         entry.update({key: known[key] for key in ("repeat", "use", "start_s") if key in known})
         entries.append(entry)
     return entries
-
-
-def _seconds(recording: Recording) -> float:
-    return datetime.datetime.strptime(recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()
 
 
 def _difference(a: dict[str, Any], b: dict[str, Any]) -> str:

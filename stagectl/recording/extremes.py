@@ -26,10 +26,5 @@ def extremes(rows: Array, first: int, size: int) -> Extremes:
     """
     if size == 1:
         return Extremes(first, 1, rows.T, rows.T)
-    whole = len(rows) // size * size
-    buckets = rows[:whole].reshape(-1, size, rows.shape[1])
-    low, high = np.fmin.reduce(buckets, axis=1), np.fmax.reduce(buckets, axis=1)
-    if whole < len(rows):
-        low = np.vstack([low, np.fmin.reduce(rows[whole:], axis=0)])
-        high = np.vstack([high, np.fmax.reduce(rows[whole:], axis=0)])
-    return Extremes(first, size, low.T, high.T)
+    begins = np.arange(0, len(rows), size)
+    return Extremes(first, size, np.fmin.reduceat(rows, begins).T, np.fmax.reduceat(rows, begins).T)

@@ -21,7 +21,7 @@ from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import Array, Log, without
 from stagectl.recording.constants import ROWS_TO_USE
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, save
-from stagectl.recording.metadata import versions
+from stagectl.recording.metadata import STAMP, versions
 from stagectl.recording.repair import repaired
 from stagectl.recording.scales import Scales, read_values
 from stagectl.recording.wrong_units import by_rows
@@ -117,7 +117,7 @@ def _recording(log: Log) -> Recording:
     meta = {
         "name": log.path.stem,
         "trajectory": log.path.stem,
-        "created": clock.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        "created": clock.strftime(STAMP),
         "axis": {name: getattr(scales, name) for name in ("kind", "travel_per_unit", "travel_unit", "encoder_step")},
         "dt": float(np.median(np.diff(time))),
         "nd": None,

@@ -26,7 +26,7 @@ from stagectl.kernels import law
 from stagectl.problem import ProblemKind
 from stagectl.recording.constants import ALIKE, NEAR
 from stagectl.recording.file_lock import DataFileError
-from stagectl.recording.metadata import flat, versions, written
+from stagectl.recording.metadata import STAMP, flat, versions, written
 from stagectl.replacing import check_ending, check_is_file, check_replaceable, replaced
 
 FORMAT = "stagectl-learned/1"
@@ -83,7 +83,7 @@ def save(path: Path, learned: Learned) -> None:
     Raises LearnedError where it cannot be written; what was there is then as it was.
     """
     claim(path)
-    meta = {**learned.meta, "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "versions": versions()}
+    meta = {**learned.meta, "created": time.strftime(STAMP), "versions": versions()}
     with _writing(path), replaced(path) as fresh, h5py.File(fresh, "w") as file:
         file.attrs.update({"format": FORMAT, "meta": json.dumps(meta)})
         for name, values in zip(_ARRAYS, learned[:3], strict=True):

@@ -7,7 +7,6 @@ The recording's own meta is the metadata record ``stagectl``, its configuration 
 
 from __future__ import annotations
 
-import datetime
 import json
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from stagectl.extras import require
 from stagectl.recording.hdf5 import Recording
+from stagectl.recording.metadata import made_at
 from stagectl.replacing import replaced
 
 TOPIC, DEFINITION = "/axis", "stagectl_msgs/msg/Period"
@@ -54,7 +54,7 @@ def definition(fields: dict[str, tuple[str, str]]) -> str:
 def _times(recording: Recording) -> NDArray[np.int64]:
     """Wall-clock time of each row (ns): the recording's beginning, and on by its own clock."""
     try:
-        began = datetime.datetime.strptime(recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()
+        began = made_at(recording.meta)
     except (KeyError, ValueError):
         began = 0.0
     seconds = recording.column("time")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import functools
 import importlib.metadata
 import platform
@@ -18,6 +19,7 @@ from stagectl.kernels import cascade, feedback, law, observer, unloading
 from stagectl.kernels.jit import source_hash
 from stagectl.plan import Plan
 
+STAMP = "%Y-%m-%dT%H:%M:%S%z"  # of the instant at which something was made
 _PACKAGES = ("stagectl", "numpy", "scipy", "h5py", "canopen", "python-can")
 
 
@@ -41,7 +43,7 @@ def of_axis(setup: Setup, running: Controller, text: str) -> dict[str, Any]:
     axis, p = setup.file.axis, setup.stage
     return {
         "name": setup.file.name,
-        "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        "created": time.strftime(STAMP),
         "axis": {
             "kind": axis.kind,
             "travel_per_unit": axis.travel_per_unit,
@@ -58,6 +60,11 @@ def of_axis(setup: Setup, running: Controller, text: str) -> dict[str, Any]:
         "files": {"stage": {"name": setup.path.name, "text": text}},
         "versions": versions(),
     }
+
+
+def made_at(meta: Mapping[str, Any]) -> float:
+    """When a recording was made (s since the epoch).  Raises KeyError or ValueError where it does not say."""
+    return datetime.datetime.strptime(meta["created"], STAMP).timestamp()
 
 
 def versions() -> dict[str, str]:

@@ -59,9 +59,15 @@ def note(
     axes.annotate(words, place, xytext=offset, textcoords="offset points", va=align, fontsize=8, color=colour)
 
 
-def effort_unit(axis: StageAxis) -> str:
+def across_rows(axes: Axes) -> None:
+    """Lines of the grid along x only, and behind the bars, of which each is a row."""
+    axes.grid(visible=False, axis="y")
+    axes.set_axisbelow(True)
+
+
+def effort_unit(kind: str) -> str:
     """N on a linear axis, N m on a rotary one."""
-    return "N" if axis.kind == LINEAR else "N m"
+    return "N" if kind == LINEAR else "N m"
 
 
 def displacement_unit(axis: StageAxis) -> tuple[float, str]:

@@ -113,7 +113,7 @@ def motion(capture: Capture, setup: Setup) -> Figure:
 def characteristic(table: Characteristic, setup: Setup) -> Figure:
     """Friction over the displacement since a reversal, and its stop operators."""
     scale, unit = displacement_unit(setup.file.axis)
-    force = effort_unit(setup.file.axis)
+    force = effort_unit(setup.file.axis.kind)
     with drawing(1, 2, figsize=(5.6, 4.0), width_ratios=(4, 3)) as (figure, (curve, bars)):
         curve.plot(scale * table.displacement, table.force, color=WITH, linewidth=1.4)
         curve.set(xlabel=f"displacement since the reversal [{unit}]", ylabel=f"friction [{force}]")

@@ -14,6 +14,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
 from stagectl.drives.faults import FaultType
 from stagectl.realtime.states import State
+from stagectl.recording.metadata import STAMP
 from stagectl.selftest.case import GOVERNED, MOVES, Case, named
 from stagectl.selftest.limits import Limit
 from stagectl.selftest.rig import AxisSample, BaseRig, Rig, Service, laid_out, usual
@@ -168,7 +169,7 @@ def run(setup: Setup, tried: Bench, signed: str, command: str, progress: Callabl
         "file": setup.path.name,
         "file_digest": hashlib.sha256(text_of(setup.path).encode()).hexdigest(),
         "mode": tried.mode,
-        "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        "created": time.strftime(STAMP),
         "host": platform.node(),
         "signed": signed,
         "command": command,

@@ -165,15 +165,14 @@ def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:
         raise _not_allowed(place) from error
     except OSError as error:
         raise nobody(place, error) from error
-    try:
-        answer = link.ask(QUICK_STOP if quick else STOP, axis, STOP_ANSWER)
-        if "error" in answer:
-            raise RefusedError(answer["error"])
-        return _stood(link, axis, quick)
-    except OSError as error:
-        raise _unstopped(path) from error
-    finally:
-        link.close()
+    with contextlib.closing(link):
+        try:
+            answer = link.ask(QUICK_STOP if quick else STOP, axis, STOP_ANSWER)
+            if "error" in answer:
+                raise RefusedError(answer["error"])
+            return _stood(link, axis, quick)
+        except OSError as error:
+            raise _unstopped(path) from error
 
 
 def _stood(link: StopLink, axis: str, quick: bool) -> dict[str, Any]:
@@ -208,8 +207,14 @@ def _not_allowed(path: Path) -> ControlError:
     )
 
 
-def fetch(path: Path, what: str, target: Path) -> None:
-    """Write the recording that a request gives to `target`.
+def status_of(path: Path, axis: str) -> dict[str, Any]:
+    """The status of an axis, of the first one where none is named."""
+    axes: list[dict[str, Any]] = ask(path, "GET", "/v1/status")["axes"]
+    return next(each for each in axes if axis in ("", each["axis"]))
+
+
+def fetch(path: Path, axis: str, name: str, target: Path) -> None:
+    """Write the recording of an axis whose file is called `name` to `target`.
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask, RecordingError where
     `target` is not ours to write.
@@ -217,15 +222,14 @@ def fetch(path: Path, what: str, target: Path) -> None:
     from stagectl.recording.hdf5 import check_target
 
     check_target(target)
-    link = _UnixConnection(path, MOTION_TIME)
+    what = f"/v1/recordings/recordings/{axis}/{name}"
     try:
-        link.request("GET", urllib.parse.quote(what))
-        answer = link.getresponse()
-        if answer.status >= 400:
-            raise RefusedError(str(json.loads(answer.read()).get("error")))
-        with replaced(target) as fresh, fresh.open("wb") as file:
-            shutil.copyfileobj(answer, file)
+        with contextlib.closing(_UnixConnection(path, MOTION_TIME)) as link:
+            link.request("GET", urllib.parse.quote(what))
+            answer = link.getresponse()
+            if answer.status >= 400:
+                raise RefusedError(str(json.loads(answer.read()).get("error")))
+            with replaced(target) as fresh, fresh.open("wb") as file:
+                shutil.copyfileobj(answer, file)
     except (http.client.HTTPException, ConnectionError) as error:
         raise ControlError(f"the service on {path} ended while it sent {what} ({error})") from error
-    finally:
-        link.close()

@@ -13,7 +13,6 @@ A run is recorded in ``FOLDER/unfinished`` and moved when it is complete.  The s
 from __future__ import annotations
 
 import contextlib
-import datetime
 import functools
 import hashlib
 import os
@@ -29,7 +28,7 @@ from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml
 from stagectl.gap.logs.session import GapError
 from stagectl.problem import Problem
 from stagectl.recording.hdf5 import Recording, open_recording
-from stagectl.recording.metadata import portable
+from stagectl.recording.metadata import STAMP, made_at, portable
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
 from stagectl.workflows.motion import Say, check_not_interrupted, perform, prepare, reseeded
@@ -39,7 +38,6 @@ from stagectl.workflows.trials import Machine, Shown, after, halted, interruptio
 HELD_OUT_REPEATS = 2  # enough for a floor
 PAUSE = 1.0  # s between runs, on the clock of a simulated session
 _APART = 1000  # seeds from the noise of one experiment to that of the next
-_STAMP = "%Y-%m-%dT%H:%M:%S%z"
 
 
 class Run(NamedTuple):
@@ -132,7 +130,7 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
     if done:
         rest = f"going on with {left[0].name}" if left else "no run is left"
         shown.say(f"{len(done)} of {len(campaign.runs)} runs are in {campaign.folder} already: {rest}")
-    starts = (_stamp(log) - log.meta["capture"]["start_s"] for log in done.values())
+    starts = (made_at(log.meta) - log.meta["capture"]["start_s"] for log in done.values())
     end = _made(campaign, left, min(starts, default=campaign.clock()), shown) if left else Problem()
     stopped = str(end)
     count = len(left) if not stopped else next(k for k, run in enumerate(left) if not _place(campaign, run).is_file())
@@ -199,7 +197,7 @@ def _motion(campaign: Campaign, run: Run, begun: float) -> Motion:
     start = run.start if campaign.machine.simulated else now - begun
     meta = {
         **motion.meta,
-        "created": time.strftime(_STAMP, time.localtime(now)),
+        "created": time.strftime(STAMP, time.localtime(now)),
         "capture": {
             "experiment": run.experiment.name,
             "repeat": run.repeat,
@@ -253,11 +251,6 @@ def _place(campaign: Campaign, run: Run) -> Path:
 
 def _as_json(campaign: Campaign, run: Run) -> dict[str, Any]:
     return {**open_recording(path := _place(campaign, run), only=("time",)).meta["capture"], "recording": str(path)}
-
-
-def _stamp(recording: Recording) -> float:
-    """When it was made (s since the epoch)."""
-    return datetime.datetime.strptime(recording.meta["created"], _STAMP).timestamp()
 
 
 def _identical(campaign: Campaign, kept: list[Run]) -> list[str]:

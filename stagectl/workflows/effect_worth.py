@@ -96,7 +96,7 @@ def _followed(running: Running, unanswered: list[str], label: str) -> dict[str, 
     finally:
         client.ask(running.socket, "POST", f"/v1/recordings/end?axis={running.axis}")
     path = running.folder / f"{label}.h5"
-    client.fetch(running.socket, f"/v1/recordings/recordings/{running.axis}/{name}", path)
+    client.fetch(running.socket, running.axis, name, path)
     recording = open_recording(path)
     moving, scale = (
         recording.samples[recording.column("state") == State.MOVING],
@@ -110,8 +110,7 @@ def _followed(running: Running, unanswered: list[str], label: str) -> dict[str, 
 
 def _status(running: Running) -> dict[str, Any]:
     """The axis now."""
-    axes: list[dict[str, Any]] = running.ask("GET", "status")["axes"]
-    return next(axis for axis in axes if axis["axis"] == running.axis)
+    return client.status_of(running.socket, running.axis)
 
 
 def _compared(runs: dict[str, list[dict[str, float]]], running: Running) -> Result:

@@ -228,10 +228,9 @@ def line_of(setup: Setup, say: Say, anyway: bool = False) -> Iterator[tuple[Cano
     Raises DriveError where the stage has no CANopen drive, the bus is not there, or another master is on it.
     """
     wire = canopen(setup)
-    with drive_present(setup, say):
-        line = open_bus(wire.interface, wire.channel, wire.bitrate)
-        try:
-            with contextlib.nullcontext() if anyway else alone(wire, line, setup.file.name):
-                yield wire, line
-        finally:
-            line.close()
+    with (
+        drive_present(setup, say),
+        contextlib.closing(open_bus(wire.interface, wire.channel, wire.bitrate)) as line,
+        contextlib.nullcontext() if anyway else alone(wire, line, setup.file.name),
+    ):
+        yield wire, line

@@ -32,7 +32,6 @@ from typing import NamedTuple
 
 from stagectl.drives.bus.embedded import folder_of
 from stagectl.drives.bus.frames import HEARTBEAT, MASTER, RPDO, SYNC, Bus, parse
-from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Odrive
 from stagectl.drives.limits import LISTENING_FRAMES, LISTENING_TIME, LOCK_NAME, LOCK_PATIENCE, LOCK_PAUSE, LOCK_TEXT
 from stagectl.number_format import duration
@@ -205,7 +204,7 @@ class Heard(NamedTuple):
     period: float | None  # s, mean; None: a single frame
 
 
-def listen(wire: Canopen, bus: Bus, clock: Clock = WALL) -> None:
+def listen(wire: Canopen, bus: Bus) -> None:
     """Hear the bus for LISTENING_TIME; `bus` must be one on which we have not sent anything.
 
     Raises OtherMasterError where another master is heard, and OSError where the bus fails.
@@ -213,15 +212,15 @@ def listen(wire: Canopen, bus: Bus, clock: Clock = WALL) -> None:
     kinds = {SYNC: "SYNC", HEARTBEAT + MASTER: f"the heartbeat of node {MASTER}"}
     kinds |= {base + wire.node: f"RPDOs to node {wire.node}" for base in _RPDOS}
     times: dict[int, list[float]] = {}
-    end = clock.now() + LISTENING_TIME
+    end = time.monotonic() + LISTENING_TIME
     for _ in range(LISTENING_FRAMES):
-        left = end - clock.now()
+        left = end - time.monotonic()
         raw = bus.receive(left) if left > 0.0 else None
         if raw is None:
             break
         identifier = parse(raw)[0]
         if identifier in kinds:
-            times.setdefault(identifier, []).append(clock.now())
+            times.setdefault(identifier, []).append(time.monotonic())
     if times:
         raise _audible(
             wire, [_heard(kinds[identifier], times[identifier]) for identifier in kinds if identifier in times]

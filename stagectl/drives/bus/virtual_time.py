@@ -60,9 +60,9 @@ class Timeline:
 class End:
     """One end of a bus with two."""
 
-    def __init__(self, timeline: Timeline, wire: Wire, wakes: Callable[[], None] | None = None) -> None:
-        """`wakes` is called for each frame that arrives; an end with it never waits."""
-        self._timeline, self._wire, self._wakes = timeline, wire, wakes
+    def __init__(self, timeline: Timeline, wire: Wire) -> None:
+        self._timeline, self._wire = timeline, wire
+        self._wakes: Callable[[], None] | None = None  # is called for each frame that arrives; then it never waits
         self.inbox: collections.deque[bytes] = collections.deque()
         self.down = False
 

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, canopen
 from stagectl.drives.canopen.network import PumpedNode, load_eds
-from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME, SILENT_OBJECTS
 from stagectl.replacing import write_text
@@ -39,10 +38,10 @@ class ObjectValue(NamedTuple):
         return self.value is not None and self.default is not None and self.value != self.default
 
 
-def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None, clock: Clock = WALL) -> list[ObjectValue]:
+def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None) -> list[ObjectValue]:
     """Read all readable objects of the node of `wire`.  Raises DriveError where it does not answer."""
     od = load_eds(wire.eds, wire.node)
-    node = PumpedNode(wire.node, od, bus, clock)
+    node = PumpedNode(wire.node, od, bus)
     node.sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
     variables = list(_variables(od))
     values: list[ObjectValue] = []

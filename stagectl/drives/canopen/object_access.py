@@ -15,7 +15,6 @@ from stagectl.drives.bus.frames import HEARTBEAT, Bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
 from stagectl.drives.canopen.network import PumpedNode
-from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME
 
@@ -206,9 +205,9 @@ class SilentDriveError(DriveError):
 class PlainSdo:
     """Objects of the node of `wire` as bytes, without an EDS; nothing is sent but what is asked for."""
 
-    def __init__(self, wire: Canopen, bus: Bus, clock: Clock = WALL) -> None:
+    def __init__(self, wire: Canopen, bus: Bus) -> None:
         self.node = wire.node
-        self._sdo = PumpedNode(wire.node, canopen.ObjectDictionary(), bus, clock).sdo  # type: ignore[no-untyped-call]
+        self._sdo = PumpedNode(wire.node, canopen.ObjectDictionary(), bus).sdo  # type: ignore[no-untyped-call]
         self._sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
 
     def read(self, index: int, subindex: int = 0) -> bytes | None:

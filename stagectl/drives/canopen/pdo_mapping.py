@@ -24,8 +24,8 @@ _RANGES = (
     (cia402.RPDO_PARAMETER, cia402.RPDO_MAPPING, True),
     (cia402.TPDO_PARAMETER, cia402.TPDO_MAPPING, False),
 )
-_COUNT = 4  # PDOs in each direction
-_EVENT_TIMER = 5  # subindex: the deadline of an RPDO, ms
+COUNT = 4  # PDOs in each direction that a virtual drive has, and that are looked at in another one
+EVENT_TIMER = 5  # subindex: the deadline of an RPDO, ms
 
 Number = Callable[[int, int], int]  # (index, subindex) -> value in the object dictionary
 
@@ -52,15 +52,15 @@ class Tpdo(NamedTuple):
 
 def is_pdo_parameter(index: int) -> bool:
     """Whether `index` is one of the PDO parameters that `check` guards."""
-    return any(base <= index < base + _COUNT for pair in _RANGES for base in pair[:2])
+    return any(base <= index < base + COUNT for pair in _RANGES for base in pair[:2])
 
 
 def check(od: canopen.ObjectDictionary, number: Number, index: int, subindex: int, value: int) -> None:
     """Check that CiA 301 admits writing `value` to a PDO parameter now.  Raises SdoAbortedError."""
     for parameter, mapping, received in _RANGES:
-        if parameter <= index < parameter + _COUNT and subindex == 1:
+        if parameter <= index < parameter + COUNT and subindex == 1:
             _check_identifier(number(index, 1), value)
-        if mapping <= index < mapping + _COUNT:
+        if mapping <= index < mapping + COUNT:
             if not number(index - mapping + parameter, 1) & INVALID:
                 raise SdoAbortedError(cia402.WRONG_STATE)  # only a PDO that is switched off can be mapped anew
             if subindex == 0:
@@ -75,7 +75,7 @@ def received(number: Number, od: canopen.ObjectDictionary) -> list[Rpdo]:
     for n, identifier, kind, objects, codes, length in _existing(
         number, od, cia402.RPDO_PARAMETER, cia402.RPDO_MAPPING
     ):
-        deadline = number(cia402.RPDO_PARAMETER + n, _EVENT_TIMER) * 1e-3
+        deadline = number(cia402.RPDO_PARAMETER + n, EVENT_TIMER) * 1e-3
         layout = struct.Struct("<8x" + codes)
         pdos.append(Rpdo(struct.pack("<I", identifier), length, layout, objects, kind <= 240, deadline))
     return pdos
@@ -94,7 +94,7 @@ def _existing(
     number: Number, od: canopen.ObjectDictionary, parameter: int, mapping: int
 ) -> Iterator[tuple[int, int, int, tuple[int, ...], str, int]]:
     """Place, identifier, transmission type, objects, struct codes and length of each PDO of a direction that exists."""
-    for n in range(_COUNT):
+    for n in range(COUNT):
         identifier, at = number(parameter + n, 1), mapping + n
         entries = [number(at, subindex) for subindex in range(1, number(at, 0) + 1)]
         if not identifier & INVALID and entries:

@@ -11,11 +11,11 @@ from typing import NamedTuple
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
 from stagectl.drives.canopen.pdo import Direction, PdoMap, needed
+from stagectl.drives.canopen.pdo_mapping import COUNT, EVENT_TIMER, INVALID
 from stagectl.drives.drive import DriveError
 
-INVALID, _NO_REMOTE, _IDENTIFIER = 0x8000_0000, 0x4000_0000, 0x7FF  # of a PDO's COB-ID
-INHIBIT_TIME, EVENT_TIMER = 3, 5  # subindices: of a TPDO's shortest pause, of an RPDO's deadline
-_COUNT = 4  # PDOs in each direction that are looked at
+_NO_REMOTE, _IDENTIFIER = 0x4000_0000, 0x7FF  # of a PDO's COB-ID
+_INHIBIT_TIME = 3  # subindex: a TPDO's shortest pause
 _AT_EVERY_SYNC = 1  # transmission type
 _AT_ONCE = (254, 255)  # transmission types of an RPDO that acts as it comes
 
@@ -43,12 +43,12 @@ class PdoSetup:
         Raises DriveError with the object that a fixed map lacks.
         """
         refusal = self._write(wished, deadline)
-        maps = (self._usable(n) for n in range(_COUNT))
+        maps = (self._usable(n) for n in range(COUNT))
         chosen = next((pdo for pdo in maps if pdo is not None and self._needed.keys() <= set(pdo.objects)), None)
         if chosen is None:
             raise self._unfit() from refusal
         self._note(chosen.number)
-        for n in range(_COUNT):
+        for n in range(COUNT):
             if n != chosen.number:
                 self._switch_off(n)
         return self._filled(chosen)
@@ -94,7 +94,7 @@ class PdoSetup:
 
     def _times(self, deadline: int | None) -> dict[int, int]:
         """Times of the first PDO that it has and that must be changed, by subindex."""
-        wished = {EVENT_TIMER: deadline} if self._direction.received else {INHIBIT_TIME: 0}
+        wished = {EVENT_TIMER: deadline} if self._direction.received else {_INHIBIT_TIME: 0}
         present = {subindex: self._objects.offered(self._direction.parameter, subindex) for subindex in wished}
         return {n: time for n, time in wished.items() if time is not None and present[n] not in (time, None)}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from stagectl.drives.bus.frames import MASTER, SDO_ANSWER, SDO_REQUEST, Bus, frame, parse
@@ -11,7 +11,7 @@ from stagectl.drives.canopen.network import check_profile, load_eds
 from stagectl.drives.canopen.object_access import PlainSdo, SilentDriveError, number
 from stagectl.drives.canopen.presets import Preset
 from stagectl.drives.canopen.protection import NOT_OFFERED, outlook
-from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import SCAN_AT_ONCE, SCAN_TIME, SHOWN_NAME
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
@@ -19,6 +19,7 @@ from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 MODES = {0: "profile position", 2: "profile velocity", 3: "profile torque", 5: "homing", 6: "interpolated position"}
 MODES |= {7: "cyclic synchronous position", 8: "cyclic synchronous velocity", 9: "cyclic synchronous torque"}
 UNIT_OF_ACCELERATION = 0x60AA
+_NUMBERS = ("vendor", "product", "revision", "serial number")
 RPM_PER_SECOND = 0x00C0_0300  # of 0x60AA, as CiA 303-2 writes it
 
 Read = Callable[[int, int], bytes | None]
@@ -41,20 +42,19 @@ def probe(
     bus: Bus,
     chosen: Preset | None = None,
     rated: float | None = None,
-    clock: Clock = WALL,
     limits: AxisLimits = UNKNOWN_AXIS,
 ) -> ProbeResult:
     """Read the node of `wire`; `chosen` and `rated` (A) replace what it does not report, `limits` are the axis'.
 
     Raises DriveError where no node answers, or the node is no CiA 402 drive.
     """
-    objects = PlainSdo(wire, bus, clock)
+    objects = PlainSdo(wire, bus)
 
     def read(index: int, subindex: int = 0) -> bytes | None:
         try:
             return objects.read(index, subindex)
         except SilentDriveError as error:
-            raise DriveError(_silent(wire, answering(bus, clock)), place=wire.channel, node=wire.node) from error
+            raise DriveError(_silent(wire, answering(bus)), place=wire.channel, node=wire.node) from error
 
     check_profile(number(read(cia402.DEVICE_TYPE, 0)) or 0, wire.node)
     result = _concluded(read, chosen, rated)
@@ -66,17 +66,15 @@ def probe(
     return result._replace(answers=answers, doubts=(*result.doubts, *doubts, *against_eds(wire, read, result.preset)))
 
 
-def answering(
-    bus: Bus, clock: Clock = WALL, nodes: Sequence[int] = range(1, MASTER), patience: float = SCAN_TIME
-) -> list[int]:
+def answering(bus: Bus, nodes: Sequence[int] = range(1, MASTER), patience: float = SCAN_TIME) -> list[int]:
     """Which of the `nodes` answer an SDO on `bus` within `patience` (s): asked eight at a time, as queues are short."""
     found = set[int]()
     for first in range(0, len(nodes), SCAN_AT_ONCE):
         asked = nodes[first : first + SCAN_AT_ONCE]
         for node in asked:
             bus.send(frame(SDO_REQUEST + node, cia402.UPLOAD_DEVICE_TYPE))
-        end = clock.now() + patience
-        while not found.issuperset(asked) and (left := end - clock.now()) > 0.0:
+        end = WALL.now() + patience
+        while not found.issuperset(asked) and (left := end - WALL.now()) > 0.0:
             raw = bus.receive(left)
             if raw is None:
                 break
@@ -133,17 +131,19 @@ def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeR
 
 
 def _identity(read: Read) -> dict[str, str]:
-    answers = {}
-    for subindex, name in enumerate(("vendor", "product", "revision", "serial number"), start=1):
-        value = number(read(cia402.IDENTITY, subindex))
-        if value is not None:
-            answers[name] = f"0x{value:08X}"
-    for index, name in ((cia402.DEVICE_NAME, "device name"), (cia402.SOFTWARE_VERSION, "software version")):
-        raw = read(index, 0)
-        if raw:
+    texts = {cia402.DEVICE_NAME: "device name", cia402.SOFTWARE_VERSION: "software version"}
+    return {name: shown[:SHOWN_NAME] for name, shown in identity(read, texts).items()}
+
+
+def identity(read: Read, texts: Mapping[int, str]) -> dict[str, str]:
+    """The identity object (0x1018), and what the drive gives of the `texts`, objects that are named so."""
+    numbers = {name: number(read(cia402.IDENTITY, subindex)) for subindex, name in enumerate(_NUMBERS, start=1)}
+    known = {name: f"0x{value:08X}" for name, value in numbers.items() if value is not None}
+    for index, name in texts.items():
+        if raw := read(index, 0):
             text = raw.decode("latin-1").strip("\0 ")
-            answers[name] = "".join(letter if letter.isprintable() else "?" for letter in text)[:SHOWN_NAME]
-    return answers
+            known[name] = "".join(letter if letter.isprintable() else "?" for letter in text)
+    return known
 
 
 def _state(read: Read, modes: int | None) -> dict[str, str]:

@@ -6,6 +6,7 @@ import contextlib
 import math
 import os
 import select
+import time
 import tty
 from collections.abc import Callable
 from pathlib import Path
@@ -109,13 +110,13 @@ class VirtualOdrive:
 class Pty:
     """The drive's end of the line; each character takes its time, both ways."""
 
-    def __init__(self, drive: VirtualOdrive, port: str, baud: float, clock: Clock = WALL) -> None:
+    def __init__(self, drive: VirtualOdrive, port: str, baud: float) -> None:
         """Make `port` a name for the line.  Raises DriveError where something else has that name."""
-        self._drive, self._baud, self._clock, self._port = drive, baud, clock, Path(port)
+        self._drive, self._baud, self._port = drive, baud, Path(port)
         self._line, self._child = os.openpty()
         tty.setraw(self._child)
         os.set_blocking(self._line, False)
-        self._text, self._free = b"", clock.now()
+        self._text, self._free = b"", time.monotonic()
         if self._port.is_symlink() and not self._port.exists():
             self._port.unlink()  # left by one that was killed
         try:
@@ -151,5 +152,5 @@ class Pty:
 
     def _spend(self, characters: int) -> None:
         """Let the time go by that so many characters take on the line."""
-        self._free = max(self._free, self._clock.now()) + characters * CHARACTER_BITS / self._baud
-        self._clock.sleep(max(self._free - self._clock.now(), 0.0))
+        self._free = max(self._free, time.monotonic()) + characters * CHARACTER_BITS / self._baud
+        time.sleep(max(self._free - time.monotonic(), 0.0))

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -15,7 +14,7 @@ from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
 from stagectl.number_format import prefix
 from stagectl.report.constants import FLAT, LABEL_CHARACTERS, LEAST_SHARE, MOST_ROWS, SHOWN_SHARE, WINDOW
-from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, note, plain_decades
+from stagectl.report.figures import TARGET, WITH, WITHOUT, across_rows, drawing, effort_unit, note, plain_decades
 from stagectl.report.panels import DPI as DPI
 
 Array = NDArray[np.float64]
@@ -55,15 +54,9 @@ def coordinates(result: DiagnosisResult) -> Figure:
         axes.set(
             xlim=(0.0, 112.0), ylim=(len(rows) - 0.5 - max(len(rows), 3), len(rows) - 0.5), xticks=[0, 25, 50, 75, 100]
         )
-        _rows(axes)
+        across_rows(axes)
         axes.set_xlabel("share of the gap that follows it [%]")
     return figure
-
-
-def _rows(axes: Axes) -> None:
-    """Lines of the grid across the rows only, and behind the bars."""
-    axes.grid(visible=False, axis="y")
-    axes.set_axisbelow(True)
 
 
 def most_open(result: DiagnosisResult) -> list[Spans]:
@@ -88,7 +81,7 @@ def spans(result: DiagnosisResult) -> Figure:
             axes.broken_barh([(a, b - a) for a, b in capture.spans], (place - 0.275, 0.55), color=WITHOUT)
         axes.set_ylim(-0.6, max(len(rows), 4) - 0.4)
         axes.set_yticks(range(len(rows)), [_short(capture.file) for capture in reversed(rows)], fontsize=8)
-        _rows(axes)
+        across_rows(axes)
         axes.set_xlabel("time in the capture [s]")
     return figure
 
@@ -115,7 +108,7 @@ def shares(result: DiagnosisResult) -> Figure:
         axes.set_yticks([-place for place in range(len(parts))], [_share_label(name) for name, _ in parts])
         lowest = 0.5 - max(len(parts), 3)
         axes.set(xlim=(min(0.0, axes.get_xlim()[0]), 114.0), ylim=(lowest, 0.5), xticks=[0, 25, 50, 75, 100])
-        _rows(axes)
+        across_rows(axes)
         axes.set_xlabel("share of the squared gap [%]")
     return figure
 
@@ -176,7 +169,7 @@ def unknown(result: DiagnosisResult) -> Figure:
     assert result.unknown is not None  # the page checks
     grid, force, drive = result.unknown.grid, result.unknown.force, result.unknown.block == "drive"
     across = coordinate_scale(result.unknown.coordinate, grid, result)
-    up = _prefixed(force, _Scale(1.0, "A" if drive else effort(result)))
+    up = _prefixed(force, _Scale(1.0, "A" if drive else effort_unit(result.kind)))
     with drawing(figsize=(WIDTH, 3.3)) as (figure, axes):
         axes.axhline(0.0, color=_GREY, linewidth=0.8)
         if result.unknown.coordinate == "frequency":
@@ -187,11 +180,6 @@ def unknown(result: DiagnosisResult) -> Figure:
         axes.set_xlabel(f"{coordinate_label(result.unknown.coordinate)}{unit}")
         axes.set_ylabel(f"unexplained {'current' if drive else 'effort'} [{up.unit}]")
     return figure
-
-
-def effort(result: DiagnosisResult) -> str:
-    """Unit of an effort on this axis."""
-    return "N" if result.kind == "linear" else "N m"
 
 
 def coordinate_scale(name: str, values: Array, result: DiagnosisResult) -> _Scale:

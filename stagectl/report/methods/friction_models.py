@@ -14,7 +14,16 @@ from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction.members import FAMILY, Path
 from stagectl.identification.result import IdentificationResult
 from stagectl.report.constants import REVERSAL_BEYOND, REVERSAL_POINTS
-from stagectl.report.figures import TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded
+from stagectl.report.figures import (
+    TARGET,
+    WITH,
+    WITHOUT,
+    across_rows,
+    displacement_unit,
+    drawing,
+    effort_unit,
+    embedded,
+)
 from stagectl.report.page import Picture
 
 BARS = (
@@ -57,8 +66,7 @@ def closed_loop(rows: Sequence[Mapping[str, Any]], published: Mapping[str, float
             axes.locator_params(axis="x", nbins=4)
             if published:
                 axes.axvline(published[name], color=WITHOUT, linestyle="--", linewidth=1.2, label="published")
-            axes.set_axisbelow(True)
-            axes.grid(axis="y", visible=False)
+            across_rows(axes)
         _models(grid[0, 0], rows)
         grid[1, 0].tick_params(axis="y", labelsize=8)
         if published:
@@ -74,7 +82,7 @@ def reversal(rows: Sequence[Mapping[str, Any]], file: StageFile) -> Figure:
     with drawing(figsize=(5.6, 4.0)) as (figure, axes):
         for row, colour in zip(rows, COLOURS, strict=True):
             axes.plot(scale * s, curve(row, s), color=colour, linewidth=1.3, label=row["words"])
-        axes.set(xlabel=f"displacement since the reversal [{unit}]", ylabel=f"friction [{effort_unit(file.axis)}]")
+        axes.set(xlabel=f"displacement since the reversal [{unit}]", ylabel=f"friction [{effort_unit(file.axis.kind)}]")
         axes.legend(loc="lower right", fontsize=7.5)
     return figure
 
@@ -93,5 +101,4 @@ def curve(row: Mapping[str, Any], displacement: Array) -> Array:
 def _models(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
     axes.set_yticks(np.arange(len(rows)), [f"{row['words']} ({row['count']})" for row in rows], fontsize=8)
     axes.invert_yaxis()
-    axes.set_axisbelow(True)
-    axes.grid(axis="y", visible=False)
+    across_rows(axes)

@@ -65,7 +65,7 @@ def pictures(result: IdentificationResult, captures: list[Capture], file: StageF
 def _curves(result: IdentificationResult, file: StageFile) -> _Curves:
     columns = {name: np.asarray(values, dtype=np.float64) for name, values in result.details["curves"].items()}
     inertia, viscous = (result.parameters[name].value for name in ("inertia", "viscous"))
-    return _Curves(columns, inertia, viscous, *displacement_unit(file.axis), effort_unit(file.axis))
+    return _Curves(columns, inertia, viscous, *displacement_unit(file.axis), effort_unit(file.axis.kind))
 
 
 def force(p: _Curves) -> Figure:

@@ -52,7 +52,7 @@ def forces_over(over: str, details: Mapping[str, Any], axis: StageAxis = SLIDER)
     """Friction at a reversal and the fitted forms over ``time`` (the paper's Fig. 8) or ``velocity`` (Fig. 9)."""
     curves = {name: np.asarray(values) for name, values in details["curves"].items()}
     near = np.abs(curves["time"]) <= NEAR_REVERSAL
-    unit = effort_unit(axis)
+    unit = effort_unit(axis.kind)
     x = 1e3 * curves[over][near] * (axis.travel_per_unit if over == "velocity" else 1.0)
     with drawing(figsize=(5.6, 4.4)) as (figure, axes):
         axes.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="measured: F - M a - D v")

@@ -83,8 +83,5 @@ class DriveReader(PlainSdo):
 @contextlib.contextmanager
 def reading(wire: Canopen, step: float) -> Iterator[DriveReader]:
     """A reader on a bus of its own; nothing is sent but what is asked for."""
-    bus = open_bus(wire.interface, wire.channel, wire.bitrate)
-    try:
+    with contextlib.closing(open_bus(wire.interface, wire.channel, wire.bitrate)) as bus:
         yield DriveReader(wire, bus, step)
-    finally:
-        bus.close()

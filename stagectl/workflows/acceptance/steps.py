@@ -16,10 +16,10 @@ from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.network import check_profile
 from stagectl.drives.canopen.presets import for_vendor
 from stagectl.drives.canopen.probe import against_eds
+from stagectl.drives.canopen.probe import identity as reported_identity
 from stagectl.drives.drive import Fault
 from stagectl.kernels import rollout
 from stagectl.service.virtual_timeouts import waits_for_sync
-from stagectl.workflows.acceptance.drive_reader import DriveReader, Stop
 from stagectl.workflows.acceptance.limits import (
     CLIP_FACTOR,
     CLIP_TIME,
@@ -90,11 +90,7 @@ def killed(bench: Workbench) -> Found:
     with bench.creeping(1, bench.window) as (trial, _):
         seen = bench.at_speed(trial, 1)
         trial.kill()
-        seen = trial.seen() or seen  # the last period that it lived
-        bench.left("kill -9", seen)
-        bound = _loss_bound(bench, seen)
-        stop = bench.stopped(seen, bench.protection.timeout, bound)
-    return _lost(bench, stop, bound, seen)
+        return _lost(bench, trial.seen() or seen, "kill -9")  # seen in the last period that it lived
 
 
 def silent(bench: Workbench) -> Found:
@@ -102,14 +98,10 @@ def silent(bench: Workbench) -> Found:
     with bench.creeping(-1, bench.window) as (trial, _):
         seen = bench.at_speed(trial, -1)
         trial.freeze()
-        seen = trial.seen() or seen
-        bench.left("the last message", seen)
-        bound = _loss_bound(bench, seen)
         try:
-            stop = bench.stopped(seen, bench.protection.timeout, bound)
+            return _lost(bench, trial.seen() or seen, "the last message")
         finally:
             trial.kill()  # it must not wake up and go on
-    return _lost(bench, stop, bound, seen)
 
 
 def quick_stop(bench: Workbench) -> Found:
@@ -143,18 +135,19 @@ def travel_limits(bench: Workbench) -> Found:
     return bench.judged(farthest, bound, **facts)
 
 
-def _lost(bench: Workbench, stop: Stop, bound: float, seen: Seen) -> Found:
-    """A stop without controller against its bound; which of them proves nothing."""
+def _lost(bench: Workbench, seen: Seen, event: str) -> Found:
+    """The stop of an axis whose controller an `event` has lost, against its bound; which of them proves nothing.
+
+    The bound is never more than the room that a person keeps free.
+    """
+    bench.left(event, seen)
+    bound = min(lost_controller_bound(bench.setup, bench.protection, seen.speed, seen.current), bench.window)
+    stop = bench.stopped(seen, bench.protection.timeout, bound)
     facts = {"time": stop.time, "speed": bench.table(seen.speed), "state": stop.state.words}
     outcome, words, measured, most, facts = bench.judged(stop.distance, bound, **facts)
     if waits_for_sync(bench.setup):
         words += "; this proves nothing: the time of this virtual drive stands still while the bus is silent"
     return outcome, words, measured, most, facts
-
-
-def _loss_bound(bench: Workbench, left: Seen) -> float:
-    """Bound (rad | m) of a stop without controller: never more than the room that a person keeps free."""
-    return min(lost_controller_bound(bench.setup, bench.protection, left.speed, left.current), bench.window)
 
 
 def _nudged(bench: Workbench, direction: int) -> tuple[Seen, float]:
@@ -171,7 +164,6 @@ def _nudged(bench: Workbench, direction: int) -> tuple[Seen, float]:
     return seen, seen.position - here
 
 
-_IDENTITY = ("vendor", "product", "revision", "serial number")
 _TEXTS = {
     cia402.DEVICE_NAME: "device name",
     cia402.HARDWARE_VERSION: "hardware version",
@@ -185,7 +177,7 @@ def identity(bench: Workbench) -> Found:
     """The drive is the one that EDS and stage file are for.  Nothing is written."""
     with bench.reading_alone() as drive:
         check_profile(drive.number(cia402.DEVICE_TYPE) or 0, bench.wire.node)
-        bench.drive = _identified(drive)
+        bench.drive = {name: shown for name, shown in reported_identity(drive.read, _TEXTS).items() if shown}
         preset = for_vendor(drive.number(cia402.IDENTITY, 1))
         doubts = against_eds(bench.wire, drive.read, preset)
         rated = drive.number(cia402.RATED_CURRENT)
@@ -219,16 +211,3 @@ def protection(bench: Workbench) -> Found:
         raise StepError(f"0x6007 (abort connection) is {reported}; must be 1, 2 or 3: nothing stops the axis", facts)
     watching = ", ".join(f"{name} {time * 1e3:.0f} ms" for name, time in held.supervisors.items())
     return passed(f"{watching}; then: {cia402.option(cia402.ABORT_CONNECTION, held.reaction)}", **facts)
-
-
-def _identified(drive: DriveReader) -> dict[str, str]:
-    known = {}
-    for subindex, name in enumerate(_IDENTITY, start=1):
-        value = drive.number(cia402.IDENTITY, subindex)
-        if value is not None:
-            known[name] = f"0x{value:08X}"
-    for index, name in _TEXTS.items():
-        text = (drive.read(index) or b"").decode("latin-1").strip("\0 ")
-        if text:
-            known[name] = "".join(letter if letter.isprintable() else "?" for letter in text)
-    return known

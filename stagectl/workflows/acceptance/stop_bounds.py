@@ -8,12 +8,12 @@ from typing import NamedTuple
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
 from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.pdo_mapping import EVENT_TIMER
 from stagectl.workflows.acceptance.drive_reader import DriveReader
 from stagectl.workflows.acceptance.limits import LATENESS, SETTLING_SHARE, STOP_PERIODS
 
 _QUICK_STOP, _FAULT, _COASTS = 3, 1, 0  # options of 0x6007; option of 0x605E
-_EVENT_TIMER, _MILLISECONDS = 5, 1e-3
-_GUARD_TIME, _LIFE_TIME_FACTOR = 0x100C, 0x100D
+_MILLISECONDS = 1e-3
 
 
 class Protection(NamedTuple):
@@ -41,9 +41,9 @@ UNREAD = Protection({}, None, None)
 def read_protection(drive: DriveReader, controller: int) -> Protection:
     """Supervisors that watch the node `controller`, and the reaction.  Raises DriveError."""
     consumed = drive.number(cia402.CONSUMER_HEARTBEAT, 1) or 0
-    guarded = (drive.number(_GUARD_TIME) or 0) * (drive.number(_LIFE_TIME_FACTOR) or 0)
+    guarded = (drive.number(cia402.GUARD_TIME) or 0) * (drive.number(cia402.LIFE_TIME_FACTOR) or 0)
     times = {
-        "RPDO time-out (0x1400:05)": drive.number(cia402.RPDO_PARAMETER, _EVENT_TIMER) or 0,
+        "RPDO time-out (0x1400:05)": drive.number(cia402.RPDO_PARAMETER, EVENT_TIMER) or 0,
         "heartbeat of the controller (0x1016:01)": consumed & 0xFFFF if consumed >> 16 & 0x7F == controller else 0,
         "life guarding (0x100C, 0x100D)": guarded,
     }

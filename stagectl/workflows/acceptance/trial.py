@@ -135,11 +135,7 @@ def trying(setup: Setup, push: Push) -> Iterator[Trial]:
     """
     rows = np.zeros((len(push.currents), len(law.Setpoint._fields)))
     rows[:, law.SETPOINT_COLUMNS["injection"]] = push.currents
-    shared = Shared(Ring.create(rollout.WIDTH), Board.create(len(rows)))
-    with (
-        closed_after(shared.ring.descriptor, shared.board.descriptor),
-        started("loop", (shared.ring.descriptor, shared.board.descriptor)) as loop,
-    ):
+    with _begun(len(rows)) as (loop, shared):
         try:
             loop.send(_post(setup, shared, push)._replace(reset=True))
             event_of(loop, "ready")
@@ -154,16 +150,21 @@ def trying(setup: Setup, push: Push) -> Iterator[Trial]:
 
 def connected(setup: Setup) -> dict[str, str]:
     """Set the drive up as `run` does, and leave it without power; what it reported.  Raises DriveError."""
-    shared = Shared(Ring.create(rollout.WIDTH), Board.create(1))
-    with (
-        closed_after(shared.ring.descriptor, shared.board.descriptor),
-        started("loop", (shared.ring.descriptor, shared.board.descriptor)) as loop,
-    ):
+    with _begun(1) as (loop, shared):
         nothing = Push(np.zeros(1), 0.0, -math.inf, math.inf)
         loop.send(_post(setup, shared, nothing))
         drive: dict[str, str] = event_of(loop, "ready")["drive"]
         loop.say("no")
         return drive
+
+
+@contextlib.contextmanager
+def _begun(rows: int) -> Iterator[tuple[Child, Shared]]:
+    """A real-time process that waits for its job, and what it shares with this one: a board of so many rows."""
+    shared = Shared(Ring.create(rollout.WIDTH), Board.create(rows))
+    descriptors = (shared.ring.descriptor, shared.board.descriptor)
+    with closed_after(*descriptors), started("loop", descriptors) as loop:
+        yield loop, shared
 
 
 def ramp(top: float, rise: float, dt: float) -> NDArray[np.float64]:

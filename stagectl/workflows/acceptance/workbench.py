@@ -116,11 +116,8 @@ class Workbench:
 
         wire = self.wire
         bus = open_bus(wire.interface, wire.channel, wire.bitrate)
-        try:
-            with alone(wire, bus, self.setup.file.name):
-                yield DriveReader(wire, bus, self.step)
-        finally:
-            bus.close()
+        with contextlib.closing(bus), alone(wire, bus, self.setup.file.name):
+            yield DriveReader(wire, bus, self.step)
 
     def ready(self) -> float:
         """The position (rad | m) before a trial."""
