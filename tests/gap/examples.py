@@ -174,7 +174,7 @@ def every() -> dict[str, DiagnosisResult]:
         "not-identifiable": found("not-identifiable", effects=(COGGING,), captures=CAPTURES[:1],
                                   cannot_tell=("Only one speed was run.",)),
         "foreign": found("effects", effects=(ASYMMETRY,), traces=(),
-                         gap=Gap(12.0, 3.1, math.nan, "N", 0.93, 0.90, 0.95), gaps={},
+                         gap=Gap(12.0, 3.1, math.nan, "N", 0.93, 0.90, 0.95, None, 31.0), gaps={},
                          blocks={"controller": None, "drive": None, "mechanics": 1.0, "sensor": None}, kind="linear",
                          travel_per_unit=1.0, captures=(), next_experiment=None,
                          cannot_tell=("Controller and drive: no current was logged and no controller is known.",)),
