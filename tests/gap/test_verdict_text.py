@@ -43,8 +43,8 @@ def test_there_is_an_example_of_every_verdict() -> None:
         ("not-identifiable", "These logs do not identify the cause of the gap: cogging or encoder eccentricity. The "
                              "experiment 'stairs both ways, 8 speeds' would identify it. Tracking gap 2.9 µm on "
                              "held-out runs, noise floor 0.21 µm."),
-        ("foreign", "82 % of the closable gap is viscous asymmetry (share 0.182). Effort gap 12 -> 3.1 N (10 % of the effort) "
-                    "on held-out runs, noise floor not known: no run was repeated."),
+        ("foreign", "82 % of the closable gap is viscous asymmetry (share 0.182). Effort gap 12 -> 3.1 N (10 % of the "
+                    "effort) on held-out runs, noise floor not known: no run was repeated."),
     ],
 )  # fmt: skip
 def test_the_sentence(verdict: str, expected: str) -> None:
