@@ -265,6 +265,14 @@ class AxisController:
             control = control._replace(**{name: value})
         return Gains(control, design.design(self.setup.stage, control))
 
+    def lenient(self) -> str:
+        """A note where the margin that gains must keep is below the stage file's; empty otherwise."""
+        now, asked = self.control.margin, self.setup.file.control.margin
+        if now >= asked:
+            return ""
+        words = f"margin {math.degrees(now):.3g} deg; the stage file asks for {math.degrees(asked):.3g} deg"
+        return f"{words}: gains with less than that are accepted now"
+
     def adopt(self, gains: Gains) -> None:
         """Make `gains` the present ones: the real-time process has taken them."""
         self.control, self.controller = gains
