@@ -191,12 +191,16 @@ class AxisController:
         return self.task("rehearsal", Dwell(_JERK_TIME))
 
     def _from_here(self) -> Setup:
-        """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands."""
+        """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands.
+
+        With the stage file's text as it was read: refusals quote it, whatever has become of the file.
+        """
         here, limits = self.status.reference, self.setup.file.limits
+        setup = self.setup._replace(text=self.setup.text or self._file.text)
         if not math.isfinite(here):
-            return self.setup
+            return setup
         left = limits._replace(travel=(limits.travel[0] - here, limits.travel[1] - here))
-        return self.setup.having(limits=left)
+        return setup.having(limits=left)
 
     def start(self, motion: Motion, together: int) -> Order:
         """Put the first rows on the board; the order that begins it, at once with those of `together` axes in all."""
