@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import socket
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -15,6 +16,11 @@ from stagectl.web.client import RefusedError
 from tests.conftest import Command
 from tests.problems import refused
 from tests.service.serving import Served, served
+
+HANDSHAKE = (
+    b"GET /v1/live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +57,22 @@ def test_a_message_of_bytes_is_answered_as_any_other_that_is_none(machine: Serve
         link.send('{"strip": {"channels": ["banana"]}}')  # the connection goes on
         assert "banana" in error(link)
     assert "Traceback" not in machine.log
+
+
+@pytest.mark.parametrize("size", [100_000, 5_000_000])
+def test_a_message_that_is_too_large_is_read_to_its_end_and_answered_with_a_close_frame(
+    machine: Served, size: int
+) -> None:
+    with socket.socket(socket.AF_UNIX) as link:
+        link.settimeout(60.0)
+        link.connect(str(machine.socket))
+        link.sendall(HANDSHAKE)
+        assert b" 101 " in link.recv(1 << 16)
+        link.sendall(b"\x81\xff" + size.to_bytes(8, "big") + bytes(4) + bytes(size))  # all of it, before it reads
+        heard = b""
+        while (1009).to_bytes(2, "big") not in heard:
+            heard += (more := link.recv(1 << 16))
+            assert more
 
 
 @pytest.mark.parametrize("first", ["hello", '{"banana": 1}', '{"scope": {"channels": ["banana"]}}'])
