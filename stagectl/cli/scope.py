@@ -20,8 +20,10 @@ from stagectl.cli.show import console, emit
 from stagectl.named_values import names_of
 from stagectl.number_format import duration, length
 from stagectl.units import Quantity
+from stagectl.web.limits import LONGEST_SCOPE, SHORTEST_SCOPE
 
-_TIME, _SHARE = Quantity("s", "[-inf, inf]", "time; the service knows its range"), Quantity("", "[-inf, inf]", "share")
+_TIME = Quantity("s", f"[{SHORTEST_SCOPE:g}, {LONGEST_SCOPE:g}]", "time of a capture")
+_SHARE = Quantity("", "[0, 1]", "share of a capture")
 
 
 def scope(
@@ -93,13 +95,14 @@ def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | Non
     if once:
         machine, capture = next(seen)
         axis, about = _about(machine, axis)
-        console.print(Text("\n".join(lines(capture, names, about, terminal().width))))
+        console.print(Text("\n".join(lines(capture, _full(machine, axis, names), about, terminal().width))))
         emit(_as_json(capture, names, axis, about), json)
         return
     with Live(Text("waiting for the trigger; Ctrl-C ends"), console=terminal(), refresh_per_second=10) as live:
         try:
             for machine, capture in seen:
-                live.update(Text("\n".join(lines(capture, names, _about(machine, axis)[1], terminal().width))))
+                shown = lines(capture, _full(machine, axis, names), _about(machine, axis)[1], terminal().width)
+                live.update(Text("\n".join(shown)))
         except KeyboardInterrupt:
             return
 
@@ -109,6 +112,12 @@ def _about(machine: dict[str, Any], axis: str) -> tuple[str, dict[str, Any]]:
     name = axis or next(iter(machine))
     channels: dict[str, Any] = machine[name]["channels"]
     return name, {**channels, **{f"{name}.{channel}": about for channel, about in channels.items()}}
+
+
+def _full(machine: dict[str, Any], axis: str, names: list[str]) -> list[str]:
+    """The channels with the name of their axis, where there are several."""
+    first = "" if len(machine) == 1 else f"{axis or next(iter(machine))}."
+    return [name if "." in name else f"{first}{name}" for name in names]
 
 
 def _as_json(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> dict[str, Any]:

@@ -190,7 +190,8 @@ def parameters(
     if changes:
         named = pairs("parameters", ",".join(changes), "NAME=VALUE", "bandwidth='30 Hz'")
         body = {"control": named, "axis": axis}
-        ask_service(socket, "PATCH", "/v1/parameters", body)
+        for changed in ask_service(socket, "PATCH", "/v1/parameters", body)["axes"]:
+            _warn(changed)
     for name, values in ask_service(socket, "GET", "/v1/parameters/written").items():
         console.print(f"{name}: " + ", ".join(f"{key} {value}" for key, value in values.items()))
     emit(ask_service(socket, "GET", "/v1/parameters"), json)
@@ -256,6 +257,11 @@ def answered(asked: Callable[[], Any]) -> Any:
         raise typer.Exit(1) from error
 
 
+def _warn(axis: dict[str, Any]) -> None:
+    for warning in axis["warnings"]:
+        console.print(f"  warning: {warning}")
+
+
 def _show(result: dict[str, Any], json: str | None) -> None:
     from stagectl.number_format import length
 
@@ -263,8 +269,7 @@ def _show(result: dict[str, Any], json: str | None) -> None:
         place = "" if axis["position"] is None else f" at {length(axis['position'], axis['unit'])}"
         home = "" if axis["homed"] else ", not homed"
         console.print(f"{axis['axis']}: {axis['state_words']}{place}{home}; {axis['late_cycles']} late cycles")
-        for warning in axis["warnings"]:
-            console.print(f"  warning: {warning}")
+        _warn(axis)
         if axis["fault"]:
             console.print(f"  {axis['fault']}: {axis['words']}")
     if not result["alive"]:

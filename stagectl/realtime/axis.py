@@ -92,7 +92,7 @@ class Axis(AxisData):
         assert self.drive is not None
         before, seen, time = self.asked, self.seen, passed * self.dt
         due = self.source.next(passed)
-        asked = held(before.reference, before.friction) if due is None else due
+        asked = held(before.reference, before.friction)._replace(closed=before.closed) if due is None else due
         self.output, self.x = output, _ = law.step(self.law, self.x, asked, seen.position)
         now = safety.Observation(seen, asked.reference, output.error, self.current, time)
         fault, self.watch = safety.judge(self.limits, self.watch, now)
@@ -146,9 +146,10 @@ class Axis(AxisData):
     def _progress(self) -> None:
         """Whether what goes on has come to its end."""
         state = self.state
-        if state is _MOVING or state is _STOPPING:
-            if self.source.over:
-                self.happen(Event.DONE)
+        if self.source.over and self.asked.closed == 0.0:  # it may be elsewhere, and in motion
+            self.brake()
+        elif self.source.over and (state is _MOVING or state is _STOPPING):
+            self.happen(Event.DONE)
         elif state is _HOMING or state is _DRIVE_HOMING:
             self._seek()
         elif state is _ENABLING:

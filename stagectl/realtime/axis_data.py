@@ -19,7 +19,7 @@ from stagectl.drives.run_on import AxisLimits
 from stagectl.kernels import law, stage
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.homing import DriveSearch, Search
-from stagectl.realtime.setpoint_sources import Hold, Model, Rows, Source, held
+from stagectl.realtime.setpoint_sources import Hold, Model, Ramp, Rows, Source, caught, held
 from stagectl.realtime.shared_memory import Board
 from stagectl.realtime.states import POWERED, STOPS_GOING_ON, State
 from stagectl.recording.ring import Ring, RingPlace
@@ -147,6 +147,15 @@ class AxisData:
             self.limits = p
         elif fresh:
             self.limits = safety.containing(p, position)
+
+    def brake(self) -> None:
+        """Come to rest from the reference; where no feedback acted it says nothing, and the axis itself is taken."""
+        if self.asked.closed == 0.0:
+            self.speed = self.watch.speed
+            self.asked = caught(self.p.ramp, self.seen.position, self.speed)
+            self.watch = self.watch._replace(reference=self.asked.reference)
+            self.x = law.AT_REST._replace(observer=law.AT_REST.observer._replace(velocity=self.speed))
+        self.source = Ramp(self.p.ramp, self.asked, self.speed, 0.0)
 
     def lose_origin(self, words: str) -> None:
         """Positions no longer mean what they did: the axis needs its home again."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, Protocol
 
 from stagectl.kernels.law import Setpoint
@@ -39,6 +40,14 @@ class Hold:
 def held(position: float, friction: float) -> Setpoint:
     """Stand at `position` (rad | m) with the current (A) that the loaded friction needs."""
     return Setpoint(position, position, 0.0, friction)
+
+
+def caught(p: Model, position: float, speed: float) -> Setpoint:
+    """Where a loop closes that was open: at the measured `position` (rad | m), against the friction of its `speed`.
+
+    `speed` in rad/s | m/s.
+    """
+    return held(position + p.late * speed, math.copysign(p.friction, speed) if speed != 0.0 else 0.0)
 
 
 class Rows:

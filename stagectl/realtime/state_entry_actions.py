@@ -94,7 +94,7 @@ def _drive_homing(axis: AxisData, _: State) -> None:
 def _braking(axis: AxisData, _: State) -> None:
     axis.search = None
     axis.choose_limits(fresh=False)
-    axis.source = Ramp(axis.p.ramp, axis.asked, axis.speed, 0.0)
+    axis.brake()
 
 
 def _engaging(axis: AxisData, _: State) -> Event | None:

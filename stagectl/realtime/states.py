@@ -66,7 +66,7 @@ class Event(enum.IntEnum):
 
 
 _WORDS = {
-    State.OFFLINE: "no drive answers on the bus",
+    State.OFFLINE: "is not connected to its drive",
     State.CONNECTING: "the drive is being configured",
     State.DISABLED: "without power",
     State.ENABLING: "power is being switched on",

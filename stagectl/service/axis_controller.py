@@ -191,12 +191,16 @@ class AxisController:
         return self.task("rehearsal", Dwell(_JERK_TIME))
 
     def _from_here(self) -> Setup:
-        """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands."""
+        """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands.
+
+        With the stage file's text as it was read: refusals quote it, whatever has become of the file.
+        """
         here, limits = self.status.reference, self.setup.file.limits
+        setup = self.setup._replace(text=self.setup.text or self._file.text)
         if not math.isfinite(here):
-            return self.setup
+            return setup
         left = limits._replace(travel=(limits.travel[0] - here, limits.travel[1] - here))
-        return self.setup.having(limits=left)
+        return setup.having(limits=left)
 
     def start(self, motion: Motion, together: int) -> Order:
         """Put the first rows on the board; the order that begins it, at once with those of `together` axes in all."""
@@ -264,6 +268,14 @@ class AxisController:
                 raise ServiceError(f"control.{name} = {text}; must lie in {quantity.interval} {unit}")
             control = control._replace(**{name: value})
         return Gains(control, design.design(self.setup.stage, control))
+
+    def lenient(self) -> str:
+        """A note where the margin that gains must keep is below the stage file's; empty otherwise."""
+        now, asked = self.control.margin, self.setup.file.control.margin
+        if now >= asked:
+            return ""
+        words = f"margin {math.degrees(now):.3g} deg; the stage file asks for {math.degrees(asked):.3g} deg"
+        return f"{words}: gains with less than that are accepted now"
 
     def adopt(self, gains: Gains) -> None:
         """Make `gains` the present ones: the real-time process has taken them."""

@@ -13,6 +13,11 @@ class FileInUse:
         self._path, self._since = path, time.strftime("%H:%M:%S")
         self._stamp, self._content, self._words = self._now(), self._read(), ""
 
+    @property
+    def text(self) -> str:
+        """What it said then; empty where it could not be read."""
+        return (self._content or b"").decode("utf-8-sig", "replace")
+
     def changed(self) -> list[str]:
         """A warning where it says something else now, or is gone; it is read again only where its stamp is new."""
         if (stamp := self._now()) != self._stamp:

@@ -14,7 +14,6 @@ that has ended never begins again, so a message that was held up on its way move
 from __future__ import annotations
 
 import asyncio
-import collections
 import math
 import time
 from functools import partial
@@ -64,7 +63,7 @@ class Jogs:
     def __init__(self, orders: OrderHandler) -> None:
         self._orders = orders
         self._held: dict[str, _Press] = {}
-        self._ended: collections.deque[float] = collections.deque(maxlen=PRESSES)
+        self._ended: dict[float, bool] = {}  # the last ones, by number: whether they had begun
         self._watches: set[asyncio.Task[None]] = set()
 
     async def hold(self, name: str, number: float, speed: str) -> None:
@@ -73,21 +72,19 @@ class Jogs:
         Raises ServiceError where it cannot begin, or has ended.
         """
         axis = self._orders.service.axis(name)
+        velocity = _velocity(axis, speed)
         held = self._held.get(axis.name)
         if held is not None and held.number == number:
             held.renew()
         elif number in self._ended:
-            raise ServiceError(f"{axis.name}: this jog has ended; release the key and press it again")
+            was = "has ended" if self._ended[number] else "was refused"
+            raise ServiceError(f"{axis.name}: this jog {was}; release the key and press it again")
         elif held is not None:
             raise ServiceError(f"{axis.name}: another key is held already")
         else:
-            await self._begin(axis, _Press(number, axis.board), speed)
+            await self._begin(axis, _Press(number, axis.board), velocity)
 
-    async def _begin(self, axis: AxisController, press: _Press, speed: str) -> None:
-        unit = axis.setup.file.axis.travel_unit
-        velocity = value_of(speed, f"{unit}/s")
-        if not velocity:
-            raise ServiceError(f"{axis.name}: jog at {speed}; the speed must not be 0")
+    async def _begin(self, axis: AxisController, press: _Press, velocity: float) -> None:
         self._held[axis.name] = press
         watch = asyncio.create_task(self._watch(axis, press))  # from before the planning, which takes its time
         self._watches.add(watch)
@@ -104,13 +101,23 @@ class Jogs:
         while press.held and not press.stopped(axis.board):
             await asyncio.sleep(JOG_LOOK)
         del self._held[axis.name]
-        self._ended.append(press.number)
+        self._ended[press.number] = press.begun
+        while len(self._ended) > PRESSES:
+            del self._ended[next(iter(self._ended))]
         waits = not press.begun and axis.state is State.STANDING
         if not press.stopped(axis.board) and (waits or self._ours(axis, press)):
             axis.board.stop(INTERFACE, HOLD)  # ends also what is still being laid out
 
     def _ours(self, axis: AxisController, press: _Press) -> bool:
         return axis.motion is not None and axis.motion.name == press.motion
+
+
+def _velocity(axis: AxisController, speed: str) -> float:
+    """A speed with its unit (m/s | rad/s of travel).  Raises ServiceError for one of 0."""
+    velocity = value_of(speed, f"{axis.setup.file.axis.travel_unit}/s")
+    if not velocity:
+        raise ServiceError(f"{axis.name}: jog at {speed}; the speed must not be 0")
+    return velocity
 
 
 def _towards_the_end(axis: AxisController, name: str, velocity: float) -> Task:

@@ -29,6 +29,7 @@ WORK_SHARE = 0.05  # of the time that one viewer may keep the event loop busy
 DESCRIPTORS = 1024  # that the service asks for where it has fewer: seats, exports, processes, and as many in reserve
 
 # Work for clients.
+SETTLE = 3.0  # s after a motion in which the axis must be in position
 MOTIONS_WAITING = 8  # motions that wait for their turn to be planned
 PLANNED_ROWS = 2_000_000  # periods of a motion that a service takes: 1000 s at 2 kHz, 128 MB of setpoints
 PLANNING_TIME = 60.0  # s after which planning is given up and its process killed

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
+from stagectl.evaluation import DWELL
 from stagectl.realtime.shared_memory import CUT, HOLD, INTERFACE, Board, Order
 from stagectl.realtime.states import Event, State, why_not
 from stagectl.service.axis_controller import AxisController, ServiceError
-from stagectl.service.limits import MOTIONS_WAITING
+from stagectl.service.limits import MOTIONS_WAITING, SETTLE
 from stagectl.service.pace import check_pace
 from stagectl.service.planning import Task, Upload
 from stagectl.service.service import Service
@@ -81,8 +83,9 @@ class OrderHandler:
     async def home(self, axes: list[AxisController]) -> dict[str, str]:
         """Find the home, one axis after the other; of an axis without a method, what was done in its place."""
         for axis in axes:
+            stops = axis.board.stops
             await self.service.order(axis, Order(Event.HOME))
-            if not await self.service.settle(axis) or not axis.status.homed:
+            if not await self._settled(axis, stops) or not axis.status.homed:
                 raise ServiceError(f"{axis.name}: not homed: {axis.board.words or 'it was stopped'}")
             axis.finished(False)  # it stands where no plan has left it: nothing is known of its friction
         return {axis.name: _NO_HOME for axis in axes if axis.setup.file.homing.method == "none"}
@@ -95,12 +98,10 @@ class OrderHandler:
         Raises ServiceError where one cannot begin: then none does.
         """
         if (not to and not by) or to.keys() & by.keys():
-            raise ServiceError("a move needs a position or a distance for at least one axis, and one of them each")
+            raise ServiceError("a move needs `to` (a position) or `by` (a distance), and not both for one axis")
         planned: list[tuple[AxisController, Layout]] = []
         for name, text in (*to.items(), *by.items()):
-            (axis,) = self.service.chosen(name) if name or len(self.service.axes) == 1 else (None,)
-            if axis is None:
-                raise ServiceError(f"the move must name its axis; the axes are: {', '.join(self.service.axes)}")
+            axis = self.service.axis(name)
             if any(axis is other for other, _ in planned):  # once without its name
                 raise ServiceError(f"{axis.name}: the move gives two positions for one axis; nothing has moved")
             planned.append((axis, partial(self._planned, axis, (text, name in to), pace)))
@@ -108,22 +109,22 @@ class OrderHandler:
 
     async def trajectory(self, name: str, called: str, upload: Upload, wait: bool) -> None:
         """Run an uploaded trajectory, which is `called` so, on the axis of this name."""
-        axes = self.service.chosen(name)
-        if len(axes) != 1:
-            raise ServiceError(f"the trajectory must name its axis; the axes are: {', '.join(self.service.axes)}")
-        axes[0].known(upload.unanswered)
-        await self._run([(axes[0], partial(axes[0].task, called, upload))], wait)
+        axis = self.service.axis(name)
+        axis.known(upload.unanswered)
+        await self._run([(axis, partial(axis.task, called, upload))], wait)
 
     async def begin(self, axis: AxisController, layout: Layout) -> None:
         """Begin what `layout` lays out from where the axis stands.  Raises ServiceError or StageError."""
         await self._run([(axis, layout)], wait=False)
 
-    async def change(self, name: str, values: dict[str, str]) -> None:
-        """Other gains for an axis, or for all."""
-        for axis in self.service.chosen(name):
+    async def change(self, name: str, values: dict[str, str]) -> dict[str, str]:
+        """Other gains for an axis, or for all; of an axis with less margin than its stage file asks for, a note."""
+        axes = self.service.chosen(name)
+        for axis in axes:
             gains = await asyncio.to_thread(axis.changed, values)
             await self.service.order(axis, gains.order)
             axis.adopt(gains)
+        return {axis.name: words for axis in axes if (words := axis.lenient())}
 
     def leave(self, name: str, places: Sequence[str]) -> None:
         """Leave effects of an axis to the feedback, as their compensation makes the error grow."""
@@ -150,6 +151,26 @@ class OrderHandler:
             if not await self.service.until(partial(over, axis), _STANDS):
                 raise ServiceError(f"{axis.name}: did not stop; state {axis.state.name.lower()}: see `stagectl status`")
 
+    async def _settled(self, axis: AxisController, stops: int) -> bool:
+        """Wait for the end of the motion; whether the axis then stays in position for the dwell time.
+
+        A motion that an order has stopped, one more than the `stops` before it, has not come to its end.
+        """
+        motion, board = axis.motion, axis.board
+        while axis.state in (State.MOVING, State.HOMING, State.DRIVE_HOMING):
+            await asyncio.sleep(0.005)
+        end = time.monotonic() + SETTLE
+        while axis.state is State.STANDING and time.monotonic() <= end:
+            if axis.board is not board or board.stops != stops:
+                return False
+            status = axis.status
+            if status.settled >= DWELL:
+                if axis.motion is motion:
+                    axis.finished(not status.fault)
+                return not status.fault
+            await asyncio.sleep(0.005)
+        return False
+
     def _ready(self, axis: AxisController) -> None:
         if axis.state is not State.STANDING:
             raise ServiceError(f"{axis.name}: {why_not(Event.MOVE, axis.state)}")
@@ -167,6 +188,8 @@ class OrderHandler:
         if absolute:
             distance -= axis.status.reference * scale
         if abs(distance) < 1e-12:
+            if not axis.status.homed:  # its 0 is another
+                raise ServiceError(f"{axis.name}: the axis has no home yet: `stagectl home`")
             return None
         return axis.move(distance, speed, acceleration)
 
@@ -181,13 +204,12 @@ class OrderHandler:
         finally:
             self._waiting -= 1
         if wait:
-            good = await asyncio.gather(*(self.service.settle(axis) for axis in motions))
-            for axis, well in zip(motions, good, strict=True):
+            good = await asyncio.gather(*(self._settled(motion.axis, motion.stops) for motion in motions))
+            for motion, well in zip(motions, good, strict=True):
                 if not well:
-                    why = axis.board.words if axis.status.fault else "it was stopped, or did not settle in position"
-                    raise ServiceError(f"{axis.name}: not in position: {why}")
+                    raise ServiceError(f"{motion.axis.name}: not in position: {_why_not_there(motion)}")
 
-    async def _begun(self, wanted: Sequence[_Wanted]) -> list[AxisController]:
+    async def _begun(self, wanted: Sequence[_Wanted]) -> list[_Wanted]:
         """Lay all of them out, then begin them; the loop refuses those that a stop has ended since they were wanted."""
         for motion in wanted:
             self._ready(motion.axis)
@@ -203,7 +225,16 @@ class OrderHandler:
             for motion, laid_out in planned
         ]
         await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
-        return [axis for axis, _ in orders]
+        return [motion for motion, _ in planned]
+
+
+def _why_not_there(motion: _Wanted) -> str:
+    axis = motion.axis
+    if axis.status.fault:
+        return axis.board.words
+    if (motion.board, motion.stops) != (axis.board, axis.board.stops):
+        return "an order stopped it before its end; it can move on"
+    return f"it did not settle within {SETTLE:g} s: see `stagectl scope error`"
 
 
 def _no_longer(axis: AxisController, state: State) -> bool:

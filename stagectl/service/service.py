@@ -26,7 +26,6 @@ from collections.abc import Callable
 from typing import Any
 
 from stagectl.drives.drive import Canopen, Fault, accepted
-from stagectl.evaluation import DWELL
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State
 from stagectl.service import processes, single_instance, virtual_drive
@@ -46,7 +45,6 @@ _ANSWER = 2.0  # s in which the loop takes an order; longer only while it config
 _LEAVE = 15.0  # s that the real-time process may take to end
 _UP = 120.0  # s that a new real-time process may take to start: imports, and the drives' answers
 _READY = 60.0  # s for the stop path to be ready: its imports on a busy machine
-_SETTLE = 3.0  # s after a motion in which the axis must be in position
 _DEATHS, _DEATH_TIME = 5, 60.0  # more deaths of the real-time process within this time (s) end the service
 _KEPT = 200  # entries of the fault list
 
@@ -237,8 +235,11 @@ class Service:
         return [self.axes[name]] if name else list(self.axes.values())
 
     def axis(self, name: str) -> AxisController:
-        """The axis called `name`; the first one where it is empty.  Raises ServiceError."""
-        return self.chosen(name or next(iter(self.axes)))[0]
+        """The axis called `name`; the only one where it is empty.  Raises ServiceError."""
+        axes = self.chosen(name)
+        if len(axes) > 1:
+            raise ServiceError(f"the order must name its axis; the axes are: {', '.join(self.axes)}")
+        return axes[0]
 
     async def order(self, axis: AxisController, order: Order) -> None:
         """Give an order and wait until the loop has taken it.
@@ -270,20 +271,3 @@ class Service:
                 return False
             await asyncio.sleep(0.005)
         return True
-
-    async def settle(self, axis: AxisController) -> bool:
-        """Wait for the end of the motion; whether the axis then stays in position for the dwell time."""
-        motion, board = axis.motion, axis.board
-        while axis.state in (State.MOVING, State.HOMING, State.DRIVE_HOMING):
-            await asyncio.sleep(0.005)
-        end = time.monotonic() + _SETTLE
-        while axis.state is State.STANDING and axis.board is board:
-            status = axis.status
-            if status.settled >= DWELL:
-                if axis.motion is motion:
-                    axis.finished(not status.fault)
-                return not status.fault
-            if time.monotonic() > end:
-                return False
-            await asyncio.sleep(0.005)
-        return False

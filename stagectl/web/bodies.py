@@ -42,7 +42,9 @@ _WORDS = {
     "extra_forbidden": "is not known here; GET /openapi.json says what is",
     "json_invalid": "the body is not JSON from this character on: names and texts need double quotes",
     "bool_type": "must be true or false, without quotes",
-    "float_type": "must be a number, without quotes or unit",
+    **dict.fromkeys(("float_type", "float_parsing"), "must be a number, without quotes or unit"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number, without quotes or unit"),
+    "finite_number": "must be a finite number",
     "dict_type": 'must be an object, such as {"x": "5 mm"}',
     "string_type": 'must be text, a quantity with its unit, such as "5 mm"',
     "model_attributes_type": "must be a JSON object: keys and values in braces",
@@ -147,16 +149,28 @@ class Bodies:
             await _refused(408, f"the body has not come within {BODY_TIME:g} s")(scope, receive, send)
             return
         if body is None or structure(body) > STRUCTURE:
-            words = f"the body must have at most {most} bytes, and {STRUCTURE} of them outside its texts"
-            await _refused(413, words)(scope, receive, send)
+            await _refused(413, _too_large(scope, body, most))(scope, receive, send)
             return
         await self._app(scope, _replayed(body, receive), send)
 
 
+def _too_large(scope: Any, body: bytes | None, most: int) -> str:
+    """Why a body is refused; None is one of more than `most` bytes."""
+    if body is not None:
+        return f"the body has {structure(body)} bytes of numbers, keys and brackets; must have at most {STRUCTURE}"
+    length = _length(scope)
+    return f"the body has {length if length > most else f'more than {most}'} bytes; must have at most {most}"
+
+
+def _length(scope: Any) -> int:
+    """Bytes of the body as the header says; 0 where it does not."""
+    length = dict(scope["headers"]).get(b"content-length", b"0")
+    return int(length[:20]) if length.isdigit() else 0
+
+
 async def _whole(scope: Any, receive: Any, most: int) -> bytes | None:
     """The body; None where it is larger than `most`."""
-    length = dict(scope["headers"]).get(b"content-length", b"0")
-    if length.isdigit() and int(length[:20]) > most:
+    if _length(scope) > most:
         return None
     body = bytearray()
     while len(body) <= most:

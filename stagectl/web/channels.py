@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
+from stagectl.problem import nearest
 from stagectl.recording.hdf5 import quantities
 from stagectl.service.axis_controller import COLUMNS, ServiceError
-from stagectl.units import Quantity, StageError, factor
+from stagectl.units import Quantity, UnitError, parse
 from stagectl.web.limits import CHANNELS
 
 _HIDDEN = ("time", "true_position")  # the first is the axis of time, the second is not known on a machine
@@ -58,7 +59,9 @@ def chosen(known: dict[str, Channel], names: list[str]) -> list[Channel]:
     """The channels of these names.  Raises ServiceError for an unknown channel, or too many of them."""
     for name in names:
         if name not in known:
-            raise ServiceError(f"no channel {name}; the channels are: {', '.join(known)}")
+            near = nearest(name, [*known]) or nearest(name.rpartition(".")[2], [*known])
+            meant = f"did you mean {near}? " if near else ""
+            raise ServiceError(f"no channel {name}; {meant}`stagectl scope --list` shows all")
     if not 0 < len(names) <= CHANNELS:
         raise ServiceError(f"{len(names)} channels; a scope shows 1 to {CHANNELS}")
     return [known[name] for name in names]
@@ -69,12 +72,8 @@ def level(channel: Channel, text: str) -> float:
 
     Raises ServiceError.
     """
-    number, _, unit = text.strip().partition(" ")
     try:
-        return float(number) * (factor(unit, channel.unit) if unit else 1.0) / channel.scale
-    except (StageError, ValueError) as error:
-        raise ServiceError(
-            f"trigger level {text}; must be a number in {channel.unit or 'no unit'}, such as '1 {channel.unit}'"
-            if channel.unit
-            else f"trigger level {text}; must be a number without a unit"
-        ) from error
+        return parse(text, channel.unit) / channel.scale
+    except UnitError as error:
+        such = f"in {channel.unit}, such as '1 {channel.unit}'" if channel.unit else "without a unit"
+        raise ServiceError(f"trigger level {text}: {error}; must be a number {such}") from error

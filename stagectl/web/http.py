@@ -11,23 +11,17 @@ from collections.abc import Awaitable, Callable
 from typing import Annotated, Any
 
 from fastapi import Depends, FastAPI, Query, Request, Response
-from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
-from starlette.routing import Match, Route
 
 from stagectl.config.bounds import LARGEST_FILE
-from stagectl.problem import nearest
-from stagectl.realtime.shared_memory import BoardFullError
 from stagectl.service import planning
-from stagectl.service.axis_controller import AbsentError, AxisController, ServiceError
+from stagectl.service.axis_controller import AxisController
 from stagectl.service.axis_status import noted
 from stagectl.service.jog import Jogs
 from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
-from stagectl.units import StageError
-from stagectl.web import routes
-from stagectl.web.bodies import STOPS, JsonRoute, Strict, check_no_body, check_query, for_client, wrong
+from stagectl.web import refusals, routes
+from stagectl.web.bodies import STOPS, JsonRoute, Strict, check_no_body, check_query, for_client
 from stagectl.web.limits import AXES, AXIS_NAME, EFFECTS, FILE_NAME, GAINS, LARGEST_NUMBER, PLACE, QUANTITY, TABLES
 
 AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
@@ -148,10 +142,6 @@ _GUARDED: dict[int | str, dict[str, Any]] = {
     401: {"model": Refusal, "description": "TCP: the token is missing or wrong."},
     403: {"model": Refusal, "description": "TCP: reading only."},
 }
-_STATUS: dict[int | type[Exception], int] = {
-    **{AbsentError: 404, ServiceError: 409, BoardFullError: 409, StageError: 422},
-    **{status: status for status in (400, 422)},
-}
 
 
 def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:  # noqa: B008  # a constant
@@ -166,47 +156,13 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
         redirect_slashes=False,  # to a client that does not follow, an empty answer
     )
     app.router.route_class = JsonRoute
-    for cause, status in _STATUS.items():
-        app.add_exception_handler(cause, _refusal(status))
-    app.add_exception_handler(404, _absent)
-    app.add_exception_handler(405, _not_allowed)
-    app.add_exception_handler(RequestValidationError, _malformed)
+    refusals.add(app)
     _reading(app, service)
     orders = OrderHandler(service)
     _moving(app, orders)
     _changing(app, orders)
     routes.add(app, service, port, _REFUSALS)
     return app
-
-
-def _refusal(status: int) -> Callable[[Request, Exception], Awaitable[Response]]:
-    async def answer(_: Request, error: Exception) -> Response:
-        return JSONResponse({"error": str(getattr(error, "detail", error))}, status)
-
-    return answer
-
-
-async def _not_allowed(request: Request, _: Exception) -> Response:
-    """405 with every method of the path; each is a route."""
-    known = (route for route in request.app.routes if isinstance(route, Route))
-    fitting = [route for route in known if route.matches(request.scope)[0] != Match.NONE]
-    methods = ", ".join(sorted({name for route in fitting for name in route.methods or ()}))
-    return JSONResponse({"error": f"{request.method} {request.url.path}: only {methods}"}, 405, {"Allow": methods})
-
-
-async def _malformed(request: Request, error: Exception) -> Response:
-    details: list[dict[str, Any]] = getattr(error, "errors", list)()
-    unread = request.headers.get("content-length", "0") != "0" and "json" not in request.headers.get("content-type", "")
-    words = "the body is not read as JSON: send the header Content-Type: application/json" if unread else wrong(details)
-    return JSONResponse({"error": words or str(error)}, 422)
-
-
-async def _absent(request: Request, _: Exception) -> Response:
-    path = request.url.path
-    near = nearest(path, [route.path for route in request.app.routes if isinstance(route, Route)])
-    meant = f"did you mean {near}? " if near else ""
-    words = f"{request.method} {path}: there is no such path; {meant}GET /openapi.json lists all"
-    return JSONResponse({"error": words}, 404)
 
 
 def _reading(app: FastAPI, service: Service) -> None:
@@ -285,5 +241,4 @@ def _changing(app: FastAPI, orders: OrderHandler) -> None:
     @app.patch("/v1/parameters", response_model=Machine, responses=_REFUSALS)
     async def change(body: Parameters) -> dict[str, Any]:
         """Change gains while it runs, without a jump of the current."""
-        await orders.change(body.axis, body.control)
-        return orders.service.machine_json()
+        return noted(await orders.change(body.axis, body.control), orders.service.machine_json())

@@ -176,7 +176,7 @@ def _live(app: FastAPI, service: Service) -> None:
 
     async def seen(link: WebSocket, may: Permission) -> None:
         if may is Permission.NOTHING:
-            await link.close(_UNASKED[0], "the key is missing or wrong")
+            await link.close(_UNASKED[0], 'the key is missing or wrong; it goes first, as {"key": "..."}')
             return
         if list(viewers.values()).count(may) >= _VIEWERS[may] or not seated(link.scope, may):
             await link.close(_UNASKED[1], f"{_VIEWERS[may]} viewers are connected")
@@ -196,11 +196,13 @@ def _live(app: FastAPI, service: Service) -> None:
 
 
 async def _may(link: WebSocket) -> Permission:
-    """What its first message grants; on the Unix socket, everything."""
+    """What its first message grants; on the Unix socket, everything without one."""
     keys = link.scope.get("keys")
-    with contextlib.suppress(WebSocketDisconnect, asyncio.TimeoutError, ValueError, AttributeError, KeyError):
-        message = json.loads(await asyncio.wait_for(link.receive_text(), KEY_TIME))
-        return Permission.MOVE if keys is None else Permission(keys.grant(str(message.get("key", ""))))
+    if keys is None:
+        return Permission.MOVE
+    with contextlib.suppress(WebSocketDisconnect, asyncio.TimeoutError, ValueError, AttributeError):
+        message = json.loads(await asyncio.wait_for(_text(link), KEY_TIME))
+        return Permission(keys.grant(str(message.get("key", ""))))
     return Permission.NOTHING
 
 
@@ -221,4 +223,12 @@ async def _served(link: WebSocket, viewer: Viewer) -> None:
 
 async def _heard(link: WebSocket, viewer: Viewer) -> None:
     while True:
-        await viewer.hear(await link.receive_text())
+        await viewer.hear(await _text(link))
+
+
+async def _text(link: WebSocket) -> str:
+    """The next message; one of bytes is none, and empty.  Raises WebSocketDisconnect."""
+    message = await link.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message["code"])
+    return message.get("text") or ""

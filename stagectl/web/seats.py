@@ -136,7 +136,25 @@ def leaves(scope: Any) -> None:
 
 
 class Live(WebSocketsSansIOProtocol):
-    """A live connection; the answers to pings do not pile up where the client does not read them."""
+    """A live connection; the answers to pings do not pile up where the client does not read them.
+
+    Of a message that is too large the rest is read and thrown away for a while: a connection that is closed with
+    something unread is reset, and the client never sees why.
+    """
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has come, unless a message before it was refused."""
+        if self.conn.parser_exc is None:
+            super().data_received(data)
+
+    def handle_parser_exception(self) -> None:
+        """Say why, and wait until the client goes, for `CLOSE_TIME` at most."""
+        close = self.conn.close_sent
+        assert close is not None
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": close.code, "reason": close.reason})
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent = True
+        self.close_timer = self.loop.call_later(CLOSE_TIME, self.transport.close)
 
     def handle_ping(self) -> None:
         """Answer, or throw the answer away."""

@@ -2,7 +2,7 @@
 
 ::
 
-    viewer --  {"key": ...}                                    first, over TCP
+    viewer --  {"key": ...}                                    first, over TCP; on the Unix socket nothing needs it
            --  {"strip": {"axis", "channels", "span", "points", "number"}}
            --  {"scope": {... "before", "trigger", "mode"}}     see `ScopeRequest`
            --  {"closer": {"start", "end", "points", "number"}}, {"hold": {"held"}}
@@ -100,10 +100,13 @@ _KINDS: dict[str, type[_Strict]] = {
 }
 
 
-def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest:
-    """One message.  Raises ServiceError where it is none."""
+def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest | None:
+    """One message; None for a key, or ``{}``, which may go first everywhere.  Raises ServiceError where it is none."""
     try:
-        (kind, body), *more = json.loads(text).items()
+        message = json.loads(text)
+        if message == {} or message.keys() == {"key"}:
+            return None
+        (kind, body), *more = message.items()
         if more or kind not in _KINDS:
             raise ServiceError(f"a message has one key of {', '.join(_KINDS)}")
         request = _KINDS[kind].model_validate(body)
@@ -141,6 +144,8 @@ class Viewer:
     def _heard(self, text: str) -> str | bytes | None:
         try:
             request = read(text)
+            if request is None:
+                return None
             if isinstance(request, DetailRequest):
                 view, part = self._view, request
                 return view[0].closer(part.start, part.end, part.points, part.number) if view else None
@@ -193,7 +198,7 @@ class Viewer:
 
     def _follow(self) -> None:
         """A new real-time process has a new ring."""
-        if self._strip is not None and self._strip[1] is not self._service.axis(self._strip[2].axis).ring:
+        if self._strip is not None and self._strip[1] is not self._axis(self._strip[2].axis).ring:
             self._strip = self._stripes(self._strip[2])
         if self._view is not None and not self._held and self._gone(self._view[1]):
             self._view = self._scope(self._view[2])
@@ -204,8 +209,12 @@ class Viewer:
         looked_at = source.rings if isinstance(source, Joined) else (source,)
         return any(ring not in rings for ring in looked_at) or (isinstance(source, Joined) and source.apart)
 
+    def _axis(self, name: str) -> AxisController:
+        """The axis called `name`; the first one where it is empty: to look at one moves nothing."""
+        return self._service.axis(name or next(iter(self._service.axes)))
+
     def _stripes(self, p: StripRequest) -> tuple[Strip, Ring, StripRequest]:
-        axis = self._service.axis(p.axis)
+        axis = self._axis(p.axis)
         window = Window(tuple(chosen(channels(axis.setup), p.channels)), p.span, p.points)
         return Strip(axis.ring, axis.setup.dt, window), axis.ring, p
 
@@ -223,7 +232,7 @@ class Viewer:
         return Joined([served.ring for served in axes.values()]), {**plain, **dotted}
 
     def _scope(self, p: ScopeRequest) -> tuple[ScopeView, Source, ScopeRequest]:
-        axis = self._service.axis(p.axis)
+        axis = self._axis(p.axis)
         source, known = self._field(axis, [*p.channels, *([p.trigger.channel] if p.trigger else [])])
         dt = axis.setup.dt
         longest = LONGEST_SHARE * source.capacity * dt

@@ -69,7 +69,9 @@ def test_channels_are_listed(machine: Served, command: Command) -> None:
         (["nothing", "--once"], 1, "channel nothing;"),
         (["error,nothing", "--once"], 1, "channel nothing;"),  # several may stand in one word
         (["error", "--trigger", "big", "--once"], 2, "must be CHANNEL > LEVEL"),
-        (["error", "--trigger", "error > 1 A", "--once"], 1, "trigger level 1 A; must be a number in m"),
+        (["error", "--trigger", "error > 1 A", "--once"], 1, "trigger level 1 A: "),
+        (["error", "--trigger", "error > 1", "--once"], 1, "trigger level 1: the unit is missing"),
+        (["error", "--span", "1 h", "--once"], 2, "--span 1 h"),
         (["error", "--span", "1 m", "--once"], 2, "--span 1 m"),
         (["error", "--span", "20 s", "--once"], 1, "a capture of axis has 9.83 s at most"),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,6 +12,13 @@ from stagectl.drives.bus.frames import frame
 from stagectl.web.client import RefusedError
 from tests.conftest import CONFIG
 from tests.service.serving import Served, lasting
+
+NAMELESS: dict[str, dict[str, Any]] = {  # orders of which an axis that nobody has named would carry out one
+    "jog": {"press": 6, "speed": "1 mm/s"},
+    "recordings": {"seconds": 1.0},
+    "move": {"to": {"": "1 mm"}},
+    "trajectory": {"yaml": "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 2}"},
+}
 
 
 @pytest.fixture
@@ -24,6 +32,9 @@ def test_both_move_and_both_stop(tmp_path: Path, stages: tuple[str, ...]) -> Non
     try:
         group.start()  # it starts its virtual drives itself
         group.ask("POST", "enable")
+        for order, body in NAMELESS.items():
+            with pytest.raises(RefusedError, match="must name its axis; the axes are: x, y"):
+                group.ask("POST", order, **body)
         group.ask("POST", "move", to={"x": "1 mm", "y": "-2 mm"})
         assert group.heard("x")["position"] == pytest.approx(1e-3, abs=3e-7)
         assert group.heard("y")["position"] == pytest.approx(-2e-3, abs=3e-7)

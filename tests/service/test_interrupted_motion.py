@@ -21,6 +21,7 @@ from stagectl.web.client import RefusedError
 from tests.problems import refused
 from tests.service.serving import Served, served, within
 
+FAR = 0.4e-3  # m, twice the limits.following_error of the stage
 SLOW = "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 100}"
 
 
@@ -68,6 +69,19 @@ def test_the_end_of_the_command_stops_the_axis(
         err = ended(process)
     assert (process.returncode, machine.axis()["state"]) == (130, "standing"), err
     assert "stopped" in err and "nothing else has changed" not in err
+
+
+def test_a_stop_in_a_current_experiment_brakes_and_holds(machine: Served, tmp_path: Path) -> None:
+    """No feedback acts then: the reference still lies where the experiment began, and the axis is elsewhere."""
+    (tmp_path / "current.yaml").write_text("{type: current_sine, amplitude: 3 A, frequency: 1.6 Hz, periods: 100}")
+    before, faults = machine.axis(), machine.faults()
+    with started(machine, "follow", str(tmp_path / "current.yaml")) as process:
+        machine.until(lambda axis: axis["position"] is not None and abs(axis["position"] - before["position"]) > FAR)
+        process.send_signal(signal.SIGINT)
+        err = ended(process)
+    now = machine.axis()
+    assert (process.returncode, now["state"], now["fault"]) == (130, "standing", ""), err
+    assert now["homed"] is True and machine.faults() == faults
 
 
 def going_on(machine: Served) -> bool:

@@ -88,6 +88,12 @@ def test_one_axis_has_one_position(bench: Bench) -> None:
     assert (bench.axis.status.motions, bench.position) == (0, pytest.approx(0.0, abs=1e-6))
 
 
+def test_a_move_to_where_an_axis_without_a_home_seems_to_stand_is_refused(bench: Bench) -> None:
+    bench.loop.axes[0].lose_origin("the encoder jumped")
+    (error,) = bench.serve(bench.orderly.move({"axis": "0 mm"}, {}, CALM, True))
+    assert isinstance(error, ServiceError) and "no home" in str(error)
+
+
 def test_gains_are_written_with_their_units_and_taken_as_they_are_written(bench: Bench) -> None:
     written = bench.axis.written_parameters()
     assert (written["bandwidth"], written["margin"]) == ("40 Hz", "20 deg")

@@ -20,6 +20,7 @@ from stagectl.service.planner import Planner
 from stagectl.service.planning import Motion, Upload, laid_out
 from stagectl.units import StageError
 from tests.conftest import CONFIG
+from tests.problems import refused
 
 SINE = "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: %d}"
 TABLE = "time_s,reference_mm\n" + "".join(f"{k / 1000:g},{0.001 * k * k / 1e4:g}\n" for k in range(100))
@@ -60,6 +61,17 @@ def test_it_says_which_effect_demands_more_current_than_it_gets(axis: AxisContro
     assert "viscous_asymmetry" not in words and "together" not in words and "`stagectl gap close" in words
     weak = strong._replace(stage=p._replace(mechanics=mechanics))
     assert laid_out(AxisController("axis", weak).task("motion", upload)).limited == ""
+
+
+def test_a_limit_is_quoted_as_it_was_read_whatever_becomes_of_the_file(tmp_path: Path) -> None:
+    """By then the set-up holds the travel that is left, in the motor's unit: no place that a person knows."""
+    path = tmp_path / "gone.yaml"
+    path.write_text((CONFIG / "ball-screw.yaml").read_text())
+    axis = AxisController("axis", load_stage(path))
+    path.unlink()
+    yaml = "{type: trapezoid, distance: 60 mm, velocity: 10 mm/s, acceleration: 1 m/s^2}"
+    with refused(StageError, key="limits.travel", value="[-50, 50] mm"):
+        laid_out(axis.task("motion", Upload(yaml, {})))
 
 
 async def rehearsed(planner: Planner) -> None:

@@ -107,14 +107,14 @@ def test_channels_have_the_unit_of_travel(axis: AxisController) -> None:
         chosen(known, [*known][:17])
 
 
-@pytest.mark.parametrize(("text", "value"), [("1 um", 1e-6 / LEAD), ("2 mm", 2e-3 / LEAD), ("1e-6", 1e-6 / LEAD)])
+@pytest.mark.parametrize(("text", "value"), [("1 um", 1e-6 / LEAD), ("2 mm", 2e-3 / LEAD), ("1e-6 m", 1e-6 / LEAD)])
 def test_a_level_is_read_in_travel(axis: AxisController, text: str, value: float) -> None:
     assert level(channels(axis.setup)["error"], text) == pytest.approx(value)
 
 
-@pytest.mark.parametrize("text", ["1 A", "wide", "", "1 furlong"])
+@pytest.mark.parametrize("text", ["1 A", "wide", "", "1 furlong", "1", "nan m", "inf m", "1e400 m"])
 def test_a_level_that_is_none(text: str) -> None:
-    with pytest.raises(ServiceError, match=r"trigger level .*; must be a number in m"):
+    with pytest.raises(ServiceError, match=r"trigger level .*must be a number in m"):
         level(Channel("error", 9, "m", 1.0, ""), text)
 
 

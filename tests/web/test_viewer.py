@@ -170,8 +170,10 @@ def test_what_is_held_stays(service: Service, write: Write) -> None:
         ({"scope": {"channels": ["error"], "trigger": {"channel": "error", "level": "1 A"}}}, "trigger level 1 A"),
         ({"scope": {"channels": ["error"], "color": 1}}, "color: is not known here"),
         ({"strip": {"channels": ["error"], "points": 1}}, "points = 1: must be at least"),
+        ({"scope": {"channels": ["error"], "span": "1 s"}}, "span: must be a number, without quotes or unit"),
+        ({"scope": {"channels": ["error"], "trigger": {"channel": "error", "level": "1"}}}, "the unit is missing"),
+        ({"scope": {"channels": ["eror"]}}, "did you mean error?"),
         ({"move": {}}, "a message has one key of strip, scope, closer, hold"),
-        ({}, "a message is JSON with one key"),
         ([1], "a message is JSON with one key"),
     ],
 )
