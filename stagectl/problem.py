@@ -63,6 +63,8 @@ _REMEDIES = {
     errno.ENOTDIR: "a file is where a folder is needed: choose another path",
     errno.EISDIR: "give the path of a file",
     errno.EACCES: "choose another path, or see `ls -ld` for who may write there",
+    errno.EPERM: "choose another path: what stands there may not be changed",
+    errno.EROFS: "choose another path: this disk may only be read",
     errno.ENOSPC: "make room: see `df -h`",
     errno.EDQUOT: "make room: see `quota`",
     errno.EFBIG: "choose another disk, or see `ulimit -f` for the largest file that you may write",
