@@ -53,7 +53,7 @@ def suspicions(capture: Capture, setup: Setup) -> list[Note]:
     if mistake is not None:
         doubts.append(Note(Topic.UNITS, mistake.sentence))
     elif doubts and doubts[-1].topic is Topic.LIMIT:
-        doubts[-1] = Note(Topic.LIMIT, f"{doubts[-1]}: {wrong_units.ADVICE}")
+        doubts[-1] = Note(Topic.LIMIT, f"{doubts[-1]}: {wrong_units.advice('position=3:mm')}")
     return doubts or _jumps(capture, setup)
 
 
@@ -83,10 +83,26 @@ def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:
     far_off = thresholds.FAR_FROM_NOMINAL
     ratios = {name: values[name] / size for name, size in nominal.items() if size > 0.0 and name in values}
     far = {name: ratio for name, ratio in ratios.items() if ratio <= 0.0 or not 1.0 / far_off < ratio < far_off}
-    if not far:
-        return []
-    words = [f"{name} is {values[name]:.3g}, {nominal[name]:.3g} in the stage file" for name in far]
-    return [f"{'; '.join(words)}: not the same machine, or a wrong unit{_cause(ratios)}"]
+    scale = _force_scale(ratios)
+    named = ratios if scale else far
+    words = [f"{name} is {values[name]:.3g}, {nominal[name]:.3g} in the stage file" for name in named]
+    return [f"{'; '.join(words)}: {scale or _ANOTHER}{_cause(ratios)}"] if words else []
+
+
+_ANOTHER = "not the same machine, or a wrong unit"
+
+
+def _force_scale(ratios: Mapping[str, float]) -> str:
+    """What to say where all `ratios` to the stage file are one factor: that of the force; empty where they are not."""
+    low, high = min(ratios.values(), default=0.0), max(ratios.values(), default=0.0)
+    if len(ratios) < 3 or low <= 0.0 or high > thresholds.ONE_FACTOR * low:
+        return ""
+    off = math.exp(sum(map(math.log, ratios.values())) / len(ratios))
+    if 1.0 / thresholds.FORCE_SCALE < off < thresholds.FORCE_SCALE:
+        return ""
+    size = f"{max(off, 1.0 / off):.3g} times too {'large' if off > 1.0 else 'small'}"
+    scales = "the unit of its column, drive.wire.rated_current for one in %, motor.force_constant for a torque"
+    return f"all of them are {size}, so it is the scale of the force, or another machine: check {scales}"
 
 
 def _cause(ratios: Mapping[str, float]) -> str:

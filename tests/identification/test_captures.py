@@ -153,6 +153,17 @@ def test_a_spoilt_recording_is_refused(
     assert isinstance(kind, Refusal) or caught.value.value == ", ".join(kind)
 
 
+@pytest.mark.parametrize(("column", "factor"), [("measured_current", 1e-3), ("measured", 1e-3)])
+def test_the_advice_is_about_the_column_that_is_wrong(
+    columns: dict[str, Array], ball_screw: Setup, column: str, factor: float
+) -> None:
+    """The unit that it names is the one that the column is in."""
+    entry = {"measured_current": "current=N:A", "measured": "position=N:"}[column]
+    with pytest.raises(IdentificationError) as caught:
+        prepared([spoilt(columns, lambda c: c[column].__imul__(factor))], ball_screw)
+    assert entry in str(caught.value)
+
+
 def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw: Setup) -> None:
     (capture,) = prepared([spoilt(columns, lambda c: c["measured_current"].__imul__(1e3))], ball_screw, doubtful=True)
     assert topics(capture.notes) == {Topic.LIMIT, Topic.UNITS} and "in mA" in capture.notes[-1]
@@ -170,6 +181,10 @@ def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw
         ((0.563, 7.8, 0.9), "in rad where deg is named"),
         ((1.1e4, 130.0, 0.9), "times are 1000 times too large"),
         ((1.1e-5, 1.3e-4, 0.9e-3), "currents are 1000 times too small"),
+        ((0.0004, 0.0058, 0.037), "drive.wire.rated_current"),
+        ((0.042, 0.6, 3.7), "motor.force_constant"),
+        ((0.021, 0.28, 1.8), None),
+        ((0.042, 0.6, 0.9), None),
         ((-0.011, 0.13, 0.9), "not the same machine, or a wrong unit"),
     ],
 )
