@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import enum
 import errno
+import itertools
 import json
 import os
 from collections.abc import Sequence
@@ -18,8 +19,9 @@ def below(place: str, name: str) -> str:
 
 
 def nearest(word: str, known: Sequence[str]) -> str:
-    """The known name that a mistyped `word` is most like; empty where it is like none."""
-    return next(iter(difflib.get_close_matches(word, known, 1)), "")
+    """The known name that a mistyped `word` is most like, but for its case; empty where it is like none."""
+    same = (name for name in known if name.casefold() == word.casefold())
+    return next(itertools.chain(same, difflib.get_close_matches(word, known, 1)), "")
 
 
 def absent(path: Path) -> str:
