@@ -35,7 +35,13 @@ def absent(path: Path) -> str:
     meant, whole = _meant(path)
     if not whole and Path(path.name).exists():  # named from another folder than the one that this is
         meant, whole = Path(path.name), True
-    return f"no such file or folder: {f'did you mean {meant}?' if whole else f'see `ls {meant}`'}"
+    return f"no such file or folder: {f'did you mean {meant}?' if whole else _listed(meant)}"
+
+
+def _listed(there: Path) -> str:
+    """Where to look, from what is `there` of a path."""
+    folder = there if there.is_dir() else there.parent
+    return f"see `ls {folder}`" if str(folder) != "." else f"you are in {Path.cwd()}, see `ls`"
 
 
 def _meant(path: Path) -> tuple[Path, bool]:
