@@ -41,7 +41,7 @@ def absent(path: Path) -> str:
 def _listed(there: Path) -> str:
     """Where to look, from what is `there` of a path."""
     folder = there if there.is_dir() else there.parent
-    return f"see `ls {folder}`" if str(folder) != "." else f"you are in {Path.cwd()}, see `ls`"
+    return f"see `ls {folder}`" if str(folder) != "." else f"you are in {Path.cwd()}, see `ls .`"
 
 
 def _meant(path: Path) -> tuple[Path, bool]:

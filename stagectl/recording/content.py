@@ -10,7 +10,7 @@ from stagectl.recording.constants import SHOWN_CELLS
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # HDF5 specification, superblock
 _HEAD = 4096  # bytes that tell text from other content
-_SHEET = "open it in a spreadsheet, and save the sheet with the log as CSV UTF-8"
+_SHEET = "open the sheet with the log in a spreadsheet, save it as CSV UTF-8, and import that"
 _PAGE = (
     "a web page (HTML)",
     "save the log itself, not the page that shows it, or copy its table into a spreadsheet",
