@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import enum
 import errno
+import itertools
 import json
 import os
 from collections.abc import Sequence
@@ -18,8 +19,9 @@ def below(place: str, name: str) -> str:
 
 
 def nearest(word: str, known: Sequence[str]) -> str:
-    """The known name that a mistyped `word` is most like; empty where it is like none."""
-    return next(iter(difflib.get_close_matches(word, known, 1)), "")
+    """The known name that a mistyped `word` is most like, but for its case; empty where it is like none."""
+    same = (name for name in known if name.casefold() == word.casefold())
+    return next(itertools.chain(same, difflib.get_close_matches(word, known, 1)), "")
 
 
 def absent(path: Path) -> str:
@@ -33,7 +35,13 @@ def absent(path: Path) -> str:
     meant, whole = _meant(path)
     if not whole and Path(path.name).exists():  # named from another folder than the one that this is
         meant, whole = Path(path.name), True
-    return f"no such file or folder: {f'did you mean {meant}?' if whole else f'see `ls {meant}`'}"
+    return f"no such file or folder: {f'did you mean {meant}?' if whole else _listed(meant)}"
+
+
+def _listed(there: Path) -> str:
+    """Where to look, from what is `there` of a path."""
+    folder = there if there.is_dir() else there.parent
+    return f"see `ls {folder}`" if str(folder) != "." else f"you are in {Path.cwd()}, see `ls .`"
 
 
 def _meant(path: Path) -> tuple[Path, bool]:
@@ -63,6 +71,8 @@ _REMEDIES = {
     errno.ENOTDIR: "a file is where a folder is needed: choose another path",
     errno.EISDIR: "give the path of a file",
     errno.EACCES: "choose another path, or see `ls -ld` for who may write there",
+    errno.EPERM: "choose another path: what stands there may not be changed",
+    errno.EROFS: "choose another path: this disk may only be read",
     errno.ENOSPC: "make room: see `df -h`",
     errno.EDQUOT: "make room: see `quota`",
     errno.EFBIG: "choose another disk, or see `ulimit -f` for the largest file that you may write",

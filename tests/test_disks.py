@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from stagectl.kernels import law
+from stagectl.recording.file_lock import claimed
 from stagectl.recording.hdf5 import open_recording
 from tests.conftest import ROOT
 from tests.test_run import SINE, STAGE, drive, members, rows, stagectl
@@ -105,3 +106,11 @@ def test_a_disk_that_is_full_from_the_start(tmp_path: Path, monkeypatch: pytest.
     assert report.returncode == 2 and f"{result['lost_rows']} of {result['lost_rows']} rows" in " ".join(
         report.stderr.split()
     )
+
+
+def test_why_nothing_can_be_recorded_is_in_the_error(tmp_path: Path) -> None:
+    """The recorder's own reason, as an exception in Python has no message above it."""
+    with drive(STAGE, tmp_path / "bus"), claimed(tmp_path / "r.h5"):
+        run = stagectl("run", STAGE, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
+    (error,) = [line for line in run.stderr.splitlines() if line.startswith("error: ")]
+    assert run.returncode == 2 and "another run" in error and "nothing has moved" in error

@@ -181,7 +181,10 @@ def identify(
     with reported(progress, f"identify {method}", 1) as update:
         estimate = methods.identify(method, used, designed.setup.file, update, options)
     values = {name: parameter.value for name, parameter in estimate.parameters.items()}
+    if not doubtful:
+        capture_checks.check_possible(estimate.parameters)
     implausible = capture_checks.implausible(values, designed.setup)
+    implausible += capture_checks.contradictions(used, estimate, designed.setup.file)
     estimate = estimate._replace(notes=(*implausible, *estimate.notes))
     estimate = with_compensators(estimate, method, compensation, compensators)
     return IdentifiedModel(method, designed, estimate, used, held_out, implausible)

@@ -144,6 +144,12 @@ def _sampled(time: ArrayLike, position: ArrayLike) -> tuple[str, Recorded]:
     """The samples as CSV text and as a trajectory."""
     if any(map(np.iscomplexobj, (time, position))):
         raise ArgumentError("source", "", "holds complex numbers; must be real numbers: (time, position) in SI")
+    if any(map(np.ma.is_masked, (time, position))):
+        raise ArgumentError("source", "", "holds masked values; fill them or leave their rows out")
+    if any(np.asarray(values).dtype.kind in "mM" for values in (time, position)):
+        raise ArgumentError(
+            "source", "", "holds dates; give the time in s, such as (t - t[0]) / np.timedelta64(1, 's')"
+        )
     try:
         columns = [np.asarray(values, dtype=np.float64) for values in (time, position)]
     except (TypeError, ValueError) as error:

@@ -108,6 +108,16 @@ class Reader:
         remedy = f"did you mean {near}?" if near else f"known are {', '.join(sorted(filter(None, known)))}"
         return Problem("is not known", ProblemKind.UNKNOWN, remedy=remedy)
 
+    def _without_tag(self, node: yaml.Node, tag: Tagged, name: str) -> None:
+        """Refuse a block that does not say its kind, or says it in capitals."""
+        for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+            if isinstance(key, yaml.ScalarNode) and key.value.casefold() == tag.key != key.value:
+                remedy = f"did you mean {tag.key}?"
+                self.refuse(key, Problem("is not known", ProblemKind.UNKNOWN, below(name, key.value), remedy=remedy))
+                return
+        choices = tuple(tag.blocks)
+        self.refuse(node, Problem("is missing", ProblemKind.MISSING, below(name, tag.key), choices=choices))
+
     def _tagged(self, tag: Tagged, node: yaml.Node, name: str) -> Any:
         if not name and not isinstance(node, yaml.MappingNode):
             return self.entries(node, name, ())
@@ -119,7 +129,7 @@ class Reader:
             self.refuse(merge, _MERGED._replace(key=below(name, _MERGE)))
             return None
         if not isinstance(chosen, yaml.ScalarNode):
-            self.refuse(node, Problem("is missing", ProblemKind.MISSING, key, choices=choices))
+            self._without_tag(node, tag, name)
             return None
         if chosen.value not in tag.blocks:
             self.refuse(chosen, Problem("", ProblemKind.VALUE, key, _shown(chosen.value), choices=choices))

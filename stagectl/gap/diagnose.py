@@ -57,7 +57,7 @@ from stagectl.gap.selection.select import Selection
 from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
 from stagectl.gap.validation.validate import Validation, validate
-from stagectl.identification.thresholds import MOVED_STEPS
+from stagectl.identification.thresholds import LEAST_ENCODER_STEPS
 from stagectl.kernels.stage import Stage, sliding
 from stagectl.number_format import duration
 
@@ -154,9 +154,9 @@ def unidentifiable(session: Session) -> str:
             f"rows come every {duration(session.dt)}, and no motion shows in rows that are more than "
             f"{duration(LONGEST_PERIOD)} apart: record faster, or name the unit of the times"
         )
-    least = MOVED_STEPS * session.stage.encoder.step
+    least = LEAST_ENCODER_STEPS * session.stage.encoder.step
     if all(float(np.ptp(log.position)) <= least for log in training):
-        return f"no log moves the axis by more than {MOVED_STEPS:g} encoder steps: record a motion"
+        return f"no log moves the axis by more than {LEAST_ENCODER_STEPS:g} encoder steps: record a longer motion"
     return ""
 
 

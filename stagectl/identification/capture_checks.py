@@ -6,16 +6,19 @@ without a complaint.
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture
-from stagectl.identification.result import Note, Topic
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
+from stagectl.identification.least_squares.method import identify as least_squares
+from stagectl.identification.result import IdentificationResult, Note, Parameter, Topic
 from stagectl.kernels import stage
 from stagectl.number_format import duration, length
 from stagectl.recording import wrong_units
@@ -53,7 +56,7 @@ def suspicions(capture: Capture, setup: Setup) -> list[Note]:
     if mistake is not None:
         doubts.append(Note(Topic.UNITS, mistake.sentence))
     elif doubts and doubts[-1].topic is Topic.LIMIT:
-        doubts[-1] = Note(Topic.LIMIT, f"{doubts[-1]}: {wrong_units.ADVICE}")
+        doubts[-1] = Note(Topic.LIMIT, f"{doubts[-1]}: {wrong_units.advice('position=3:mm')}")
     return doubts or _jumps(capture, setup)
 
 
@@ -83,10 +86,68 @@ def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:
     far_off = thresholds.FAR_FROM_NOMINAL
     ratios = {name: values[name] / size for name, size in nominal.items() if size > 0.0 and name in values}
     far = {name: ratio for name, ratio in ratios.items() if ratio <= 0.0 or not 1.0 / far_off < ratio < far_off}
-    if not far:
+    scale = _force_scale(ratios)
+    named = ratios if scale else far
+    words = [f"{name} is {values[name]:.3g}, {nominal[name]:.3g} in the stage file" for name in named]
+    return [f"{'; '.join(words)}: {scale or _ANOTHER}{_cause(ratios)}"] if words else []
+
+
+def contradictions(captures: Sequence[Capture], found: IdentificationResult, file: StageFile) -> list[str]:
+    """Captures that fit well, each by itself, and have other parameters than the rest, beyond their intervals."""
+    together = float(found.details.get("force_residual_percent", 0.0))
+    if len(captures) < 2 or together < thresholds.CONTRADICTORY:
         return []
-    words = [f"{name} is {values[name]:.3g}, {nominal[name]:.3g} in the stage file" for name in far]
-    return [f"{'; '.join(words)}: not the same machine, or a wrong unit{_cause(ratios)}"]
+    alone = {}
+    for capture in captures:
+        with contextlib.suppress(IdentificationError):  # one that does not tell contradicts nothing
+            by_itself = least_squares([capture], file)
+            if by_itself.details["force_residual_percent"] < thresholds.APART * together:
+                alone[capture.name] = by_itself.parameters
+    return [words for name in _COMPARED if (words := _apart(name, alone))][:1]
+
+
+_COMPARED = ("inertia", "coulomb", "viscous")  # the one that varies least from day to day first
+
+
+def _apart(name: str, alone: Mapping[str, Mapping[str, Parameter]]) -> str:
+    """What to say where the intervals of the parameter `name` have no value in common; empty where they have."""
+    by_value = sorted((found[name].value, capture, found[name]) for capture, found in alone.items())
+    if len(by_value) < 2 or by_value[0][2].high >= by_value[-1][2].low:
+        return ""
+    (low, first, one), (high, second, _) = by_value[0], by_value[-1]
+    return (
+        f"the captures contradict each other: by itself {first} has {name} = {low:.3g} {one.unit}, {second} has "
+        f"{high:.3g}: another machine, load or unit; identify them apart"
+    )
+
+
+def check_possible(values: Mapping[str, Parameter]) -> None:
+    """Raise IdentificationError where the whole interval of the inertia is below 0: no machine has that."""
+    inertia = values.get("inertia")
+    if inertia is not None and inertia.high < 0.0:
+        raise IdentificationError(
+            f"inertia = {inertia.value:.3g} {inertia.unit} ({inertia.low:.3g} to {inertia.high:.3g}); must be above 0: "
+            "the columns of position and current may be exchanged, or one of them has the opposite sign",
+            Refusal.IMPLAUSIBLE,
+            value=f"{inertia.value:.3g}",
+            admissible="(0, inf)",
+        )
+
+
+_ANOTHER = "not the same machine, or a wrong unit"
+
+
+def _force_scale(ratios: Mapping[str, float]) -> str:
+    """What to say where all `ratios` to the stage file are one factor: that of the force; empty where they are not."""
+    low, high = min(ratios.values(), default=0.0), max(ratios.values(), default=0.0)
+    if len(ratios) < 3 or low <= 0.0 or high > thresholds.ONE_FACTOR * low:
+        return ""
+    off = math.exp(sum(map(math.log, ratios.values())) / len(ratios))
+    if 1.0 / thresholds.FORCE_SCALE < off < thresholds.FORCE_SCALE:
+        return ""
+    size = f"{max(off, 1.0 / off):.3g} times too {'large' if off > 1.0 else 'small'}"
+    scales = "the unit of its column, drive.wire.rated_current for one in %, motor.force_constant for a torque"
+    return f"all of them are {size}, so it is the scale of the force, or another machine: check {scales}"
 
 
 def _cause(ratios: Mapping[str, float]) -> str:

@@ -30,8 +30,14 @@ COARSE_STEPS = 30.0  # encoder steps: coarser positions have lost digits
 WHOLE = 0.02  # of a step: a count as an export rounds it; a wrong unit is off by a half in one of two rows
 STEP_ROWS = 20000  # rows in which the step of the positions is looked for
 FAR_FROM_NOMINAL = 30.0  # factor from the stage file's value, either way, that is reported
+# A stage file has its inertia from a drawing, its frictions from runs and guesses: each may err by a factor of three,
+# but not all three by the same one.  What they have in common is the scale of the force.
+FORCE_SCALE = 3.0  # factor that all three are off by, either way: more than one nominal value errs by
+ONE_FACTOR = 1.5  # largest over smallest of their factors that are one: intervals, and a friction of another day
 CAUSE_DECADES = 1.0  # powers of ten by which a wrong unit may miss what was found, as the nominal values may be wrong
 ALIKE_DECADES = 0.1  # of the same: wrong units that fit as well as the best one
+CONTRADICTORY = 10.0  # % of the force that captures leave together, from which each is asked by itself: models leave 5
+APART = 0.5  # of that share: what a capture that fits by itself leaves
 JUMP = 10.0  # times the step of 99 % of the rows: a misread row
 FROZEN_ROWS, PUSHED_ROWS = 0.05, 0.3  # of the rows: position without change, and of these with a current that moves
 FROZEN_FRICTION = 2.0  # times the stage file's sliding friction: a current that moves the axis

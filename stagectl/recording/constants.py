@@ -34,6 +34,7 @@ EVEN_STEPS = 0.05  # of the usual step: stamps this close to equal spacing are n
 CLOCK_DIGITS = 0.02  # of a clock's step: stamps this close to its multiples were rounded to it
 CLOCK_BLOCK = 256  # rows over which the spacing behind rounded stamps is first taken
 CLOCK_GAP = 1.5  # spacings beyond a clock's step: a longer step of rounded stamps is a gap
+LOST_ROWS = 1e-3  # of the steps: fewer longer ones are lost rows between exact stamps, not the beat of a rounded clock
 CLOCK_ERROR = 0.75  # of a clock's step: rounding errs by a half, beyond three quarters the rows were not equally spaced
 USUAL = 0.99  # quantile that is the usual size of a column's changes
 QUANTILE_ROWS = 1_000_000  # rows from which a quantile is taken

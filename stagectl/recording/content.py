@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -9,11 +10,30 @@ from stagectl.recording.constants import SHOWN_CELLS
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # HDF5 specification, superblock
 _HEAD = 4096  # bytes that tell text from other content
+_SHEET = "open the sheet with the log in a spreadsheet, save it as CSV UTF-8, and import that"
+_PAGE = (
+    "a web page (HTML)",
+    "save the log itself, not the page that shows it, or copy its table into a spreadsheet",
+)
+_KINDS = {  # what begins with these bytes, in lower case, and how it becomes a log
+    b"pk\x03\x04": ("an Excel workbook or another zip archive", _SHEET),
+    b"\xd0\xcf\x11\xe0": ("an Excel workbook of the old kind", _SHEET),
+    b"\x1f\x8b": ("packed by gzip", "unpack it with `gunzip`"),
+    b"%pdf": ("a PDF page", "save the log itself as CSV UTF-8"),
+    b"<!doctype html": _PAGE,
+    b"<html": _PAGE,
+}
 
 
 def is_hdf5(path: Path) -> bool:
     """Whether a file begins as HDF5 does."""
     return _head(path).startswith(HDF5_SIGNATURE)
+
+
+def stranger(path: Path) -> str:
+    """What a file is that is neither text nor data of ours, and how it becomes a log; empty where that is not known."""
+    head = _head(path).removeprefix(codecs.BOM_UTF8).lstrip().lower()
+    return next((f"is {what}: {how}" for mark, (what, how) in _KINDS.items() if head.startswith(mark)), "")
 
 
 def not_hdf5(path: Path) -> str:
@@ -22,6 +42,12 @@ def not_hdf5(path: Path) -> str:
         return "is a YAML file, and a recording (.h5) belongs here; `stagectl simulate` makes one"
     if is_hdf5(path):
         return "is an HDF5 file, but damaged; copy it again"
+    if what := stranger(path):
+        return what
+    if path.suffix in (".csv", ".mat"):
+        return (
+            f"is a log, and a recording belongs here: `stagectl import {path} -o {path.with_suffix('.h5')}` makes one"
+        )
     if _is_text(path):
         return f"holds text and is no HDF5 file; if it is a log, give it the name {path.with_suffix('.csv').name}"
     return "is no HDF5 file; give a recording of stagectl (.h5), or a log as .csv or .mat"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from stagectl.problem import ProblemKind
 from stagectl.recording.constants import HEADER_LINES, SHOWN_CELLS, TAIL_BYTES, TAIL_LINES
-from stagectl.recording.content import is_hdf5
+from stagectl.recording.content import is_hdf5, stranger
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.time_stamps import is_date, is_stamp
 
@@ -61,6 +61,9 @@ def layout(path: Path) -> Layout:
     numbers = [row for row in rows if _numbers(row, separator)]
     comma = separator != "," and any("," in cell and not is_date(cell) for row in numbers for cell in row)
     width = len(numbers[0] if numbers else rows[0])
+    if first and len(rows[first - 1]) != width:  # a header with a separator of its own
+        heads = (split[first - 1] for _, split in tried)
+        rows[first - 1] = next((head for head in heads if len(head) == width), rows[first - 1])
     start = [next((row[k] for row in numbers if len(row) > k and row[k]), "") for k in range(width)]
     return Layout(separator, rows[: max(first, 1)], first, width, "," if comma else ".", start)
 
@@ -75,12 +78,18 @@ def last_rows(path: Path, how: Layout, most: int = 0) -> End:
         file.seek(max(size - TAIL_BYTES, 0))
         lines = file.read(min(size, TAIL_BYTES)).decode("utf-8", "replace").splitlines(keepends=True)
     dropped: list[str] = []
+    cut = not most and _ends_early(lines[how.skipped :])
     while len(lines) > how.skipped + 1 and len(dropped) < TAIL_LINES and not _whole(lines[-1], how):
         dropped.append(lines.pop())
     if not (words := [line.strip() for line in dropped if line.strip()]):
-        return End(size, "")
+        return End(size, "its last row has no end of line and is shorter than the one before: it may be cut off" * cut)
     shown = words[-1] if len(words[-1]) <= SHOWN_CELLS else f"{words[-1][:SHOWN_CELLS]}..."
     return End(size - sum(len(line.encode()) for line in dropped), f"its last line is no whole row ({shown}): left out")
+
+
+def _ends_early(lines: list[str]) -> bool:
+    """Whether the last row has fewer characters than the one before it, and no end of line."""
+    return len(lines) > 1 and lines[-1][-1:] not in "\r\n" and len(lines[-1]) < len(lines[-2].rstrip("\r\n"))
 
 
 def _whole(line: str, how: Layout) -> bool:
@@ -100,6 +109,8 @@ def _check_encoding(path: Path) -> None:
         if is_hdf5(path):
             reason = f"{path} is an HDF5 file, though its name says CSV: rename it to {path.with_suffix('.h5').name}"
             raise RecordingError(reason, path, ProblemKind.SYNTAX)
+        if what := stranger(path):
+            raise RecordingError(f"{path} {what}", path, ProblemKind.SYNTAX)
     with path.open("rb") as file:
         first = file.read(2)
         file.seek(max(path.stat().st_size - TAIL_BYTES, 0))

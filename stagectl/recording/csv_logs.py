@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,7 @@ def read(
             f"from 1: {EXAMPLE}"
         )
         raise RecordingError(reason, path, ProblemKind.MISSING)
-    if how.skipped > 1:
+    if how.skipped > 1 and not _says_all(how):
         raise RecordingError(f"{path} {_preamble(how)}", path, ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
@@ -63,7 +64,8 @@ def read(
     table, cut = read_table(path, names, list(known), how, [name for name in known if known[name][0] == "time"])
     columns = {ours: _scaled(table.pop(name), scale) for name, (ours, scale) in known.items()}
     labels = {ours: name for name, (ours, _) in known.items()}
-    return Log(path, scales, columns, [*notes, *cut], {**about, **({"nominal": nominal} if nominal else {})}, labels)
+    notes = [*_skipped(how), *notes, *cut]
+    return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})}, labels)
 
 
 def _headed(how: Layout, chosen: list[Choice]) -> Layout:
@@ -72,6 +74,17 @@ def _headed(how: Layout, chosen: list[Choice]) -> Layout:
     if how.skipped > 1 and any(parsed(name) is not None or name in named for name in how.rows[0]):
         return how._replace(rows=how.rows[:1], skipped=1)
     return how
+
+
+def _says_all(how: Layout) -> bool:
+    """Whether the row just before the numbers names a time and a position with their units."""
+    said = {about[0] for name in how.names if (about := parsed(name)) and about[1]}
+    return "time" in said and not said.isdisjoint(POSITIONS)
+
+
+def _skipped(how: Layout) -> list[str]:
+    """What to note of rows before the header."""
+    return [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
 
 
 def _preamble(how: Layout) -> str:
@@ -99,9 +112,20 @@ def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice])
     times = [labels[places["time"][0]]]
     table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how, times)
     columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}
-    notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
+    others = [_other_unit(how, at, known[ours], scales) for ours, (at, _) in places.items()]
+    notes = [*_skipped(how), *filter(None, others)]
     labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
     return Log(path, scales, columns, [*notes, *cut], {}, labelled)
+
+
+def _other_unit(how: Layout, at: int, taken: tuple[Choice, float], scales: Scales) -> str:
+    """What to note where column `at` has another unit by its header than by the choice; empty where it has none."""
+    choice, scale = taken
+    said = header_unit(how.names[at]) if at < len(how.names) else ""
+    with contextlib.suppress(StageError):  # a unit that the axis cannot have is another one, too
+        if not said or choice.sign * meaning(choice.quantity, said, scales)[1] == scale:
+            return ""
+    return f"{how.names[at]} is read in {choice.unit}, as --columns says: its header says {said}"
 
 
 def _with_unit(choice: Choice, how: Layout, at: int) -> Choice:
@@ -150,7 +174,7 @@ def _known(path: Path, how: Layout, scales: Scales) -> tuple[dict[str, tuple[str
         try:
             ours_and_factor = (own[name], 1.0) if exported and name in own else _meaning(name, scales, how.stamped(at))
         except StageError as error:
-            if name.startswith(("time_", "position_", "motor_position_", "load_position_")):
+            if (about := parsed(name)) and about[0] in ("time", *POSITIONS):
                 raise RecordingError(f"{name} in {path}: {error}", path, ProblemKind.UNIT, column=name) from error
             notes.append(f"{name} is left out: {error}")
             continue

@@ -20,6 +20,7 @@ from stagectl.problem import ProblemKind, absent
 from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import Array, Log, without
 from stagectl.recording.constants import ROWS_TO_USE
+from stagectl.recording.content import stranger
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, save
 from stagectl.recording.metadata import STAMP, versions
 from stagectl.recording.repair import repaired
@@ -29,11 +30,12 @@ from stagectl.recording.wrong_units import by_rows
 # How a file of another kind becomes one that can be imported, in Python.
 _MAT = "; to turn it: `scipy.io.savemat('{1}.mat', "
 _CSV = "; to turn it: `pandas."
+_ARROW = "; to turn it: `pyarrow.csv.write_csv(pyarrow.FORMAT.read_table('{0}'), '{1}.csv')`"
 _TURNED = {
     ".npz": _MAT + "dict(numpy.load('{0}')))`",
     ".npy": _MAT + "dict(data=numpy.load('{0}')))`",
-    ".parquet": _CSV + "read_parquet('{0}').to_csv('{1}.csv', index=False)`",
-    ".feather": _CSV + "read_feather('{0}').to_csv('{1}.csv', index=False)`",
+    ".parquet": _ARROW.replace("FORMAT", "parquet"),
+    ".feather": _ARROW.replace("FORMAT", "feather"),
     ".json": _CSV + "read_json('{0}').to_csv('{1}.csv', index=False)`",
     ".pkl": _CSV + "read_pickle('{0}').to_csv('{1}.csv', index=False)`",
 }
@@ -64,18 +66,24 @@ def read(
         return [_clocked(_recording(csv_logs.read(path, setup, {}, columns, scales)), setup)]
     if kind == ".mat":
         return [_clocked(_recording(mat_logs.read(path, setup, columns, scales)), setup)]
+    raise RecordingError(_no_log(path, kind), path, ProblemKind.SHAPE)
+
+
+def _no_log(path: Path, kind: str) -> str:
+    """Why a file of this `kind`, its ending, is not read as a log, and what to do."""
     if kind in (".yaml", ".yml"):
-        raise RecordingError(f"{path} {_yaml_file(path)}", path, ProblemKind.SHAPE)
+        return f"{path} {_yaml_file(path)}"
     if kind == ".h5":
         open_recording(path, ("time",))  # says what the file is where it is none
-        reason = f"{path} is a recording already, and needs no import: give it to the next command as it is"
-        raise RecordingError(reason, path, ProblemKind.SHAPE)
-    reason = (
+        return f"{path} is a recording already, and needs no import: give it to the next command as it is"
+    turned = _TURNED.get(kind, "").format(path, path.with_suffix(""))
+    if not turned and (what := stranger(path)):
+        return f"{path} {what}"
+    return (
         f"{path} cannot be imported; these can: .csv with a header of quantities and units "
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
-        f"{_TURNED.get(kind, '').format(path, path.with_suffix(''))}"
+        f"{turned}"
     )
-    raise RecordingError(reason, path, ProblemKind.SHAPE)
 
 
 def _yaml_file(path: Path) -> str:

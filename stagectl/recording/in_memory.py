@@ -41,8 +41,11 @@ class Recording(NamedTuple):
             raise RecordingError(f"{reason}; {why}", self.path, ProblemKind.MISSING)
         return self
 
-    def column(self, name: str) -> NDArray[np.float64]:
-        """One column, (n,), SI.  Raises RecordingError naming the columns there are."""
+    def column(self, name: object) -> NDArray[np.float64]:
+        """One column, (n,), SI, by its name.  Raises RecordingError naming the columns there are."""
+        if not isinstance(name, str):
+            reason = f"{self.path}: a column is named by text, one at a time, such as 'measured', and not {name!r}"
+            raise RecordingError(reason, self.path, ProblemKind.VALUE)
         if name not in (self.samples.dtype.names or ()):
             names = self.samples.dtype.names or ()
             near = nearest(name, names)

@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import time
@@ -84,14 +85,22 @@ def save(path: Path, learned: Learned) -> None:
     """
     claim(path)
     meta = {**learned.meta, "created": time.strftime(STAMP), "versions": versions()}
-    with _writing(path), replaced(path) as fresh, h5py.File(fresh, "w") as file:
+    with _writing(path), replaced(path) as fresh:
+        fresh.write_bytes(_whole(learned, meta))
+
+
+def _whole(learned: Learned, meta: dict[str, Any]) -> bytes:
+    """The file as HDF5 makes it in memory: it does not survive a write that fails, see `hdf5`."""
+    place = io.BytesIO()
+    with h5py.File(place, "w") as file:
         file.attrs.update({"format": FORMAT, "meta": json.dumps(meta)})
         for name, values in zip(_ARRAYS, learned[:3], strict=True):
             file[name] = values
+    return place.getvalue()
 
 
 def _writing(path: Path) -> AbstractContextManager[None]:
-    return LearnedError.instead_of((OSError, RuntimeError), f"{path} cannot be written", path, ProblemKind.FILE)
+    return LearnedError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE)
 
 
 def load(path: Path) -> Learned:

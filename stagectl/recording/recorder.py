@@ -118,6 +118,7 @@ def main() -> None:
         whole = record(order)
     except (OSError, RecordingError) as error:
         _say(str(error))
+        print(error, flush=True)  # in the place of "ready", for the process that waits for it
         whole = False
     if not whole:
         os._exit(2)  # HDF5 would try to write the rest again, at exit

@@ -218,7 +218,8 @@ def recovered(time: Array) -> tuple[Array, str]:
     if len(time) < constants.JUDGED_ROWS or not np.all(steps >= 0.0) or _even(steps):
         return time, ""
     clock = float(np.min(steps[steps > 0.0], initial=np.inf))
-    if not _multiples(steps, clock):
+    exact = float(np.mean(np.abs(steps - clock) > constants.CLOCK_DIGITS * clock)) < constants.LOST_ROWS
+    if exact or not _multiples(steps, clock):
         return time, ""
     instants, dt = _on_grid(time, steps, clock)
     if dt <= 0.0 or float(np.max(np.abs(instants - time))) > constants.CLOCK_ERROR * clock:

@@ -37,7 +37,11 @@ from stagectl.units import factor
 Array = NDArray[np.float64]
 
 TURN = "positive current must move towards positive positions: turn the sign in the log, or go on with --doubtful"
-ADVICE = "name the unit in the column's header or in --columns (position=3:mm), or go on with --doubtful"
+
+
+def advice(example: str) -> str:
+    """What to do about a wrong unit, with the entry of --columns that names the right one."""
+    return f"name the unit in the column's header or in --columns ({example}), or go on with --doubtful"
 
 
 class Mistake(NamedTuple):
@@ -47,12 +51,13 @@ class Mistake(NamedTuple):
     position: float
     current: float
     words: str
+    example: str = ""  # of --columns, with the unit that the column is in
 
     @property
     def sentence(self) -> str:
         """What is wrong, and what to do."""
-        advice = TURN if self.current < 0.0 else ADVICE
-        return f"the force fits the model if {self.words}, and does not as it is: {advice}"
+        remedy = TURN if self.current < 0.0 else advice(self.example)
+        return f"the force fits the model if {self.words}, and does not as it is: {remedy}"
 
     @property
     def on_parameters(self) -> dict[str, float]:
@@ -62,30 +67,31 @@ class Mistake(NamedTuple):
         return {"inertia": viscous / self.time, "viscous": viscous, "coulomb": coulomb}
 
 
-def _ratios(families: tuple[tuple[str, ...], ...]) -> dict[float, list[str]]:
+def _ratios(families: tuple[tuple[str, ...], ...]) -> dict[float, list[tuple[str, str]]]:
     """By the factor that corrects a column: the units that it is in, and those that were named for it."""
-    found: dict[float, list[str]] = {}
+    found: dict[float, list[tuple[str, str]]] = {}
     for units in families:
         for real, named in itertools.permutations(units, 2):
             ratio = factor(real, named)
             if abs(math.log(ratio)) > math.log(LEAST_RATIO):
                 same = next((known for known in found if abs(known / ratio - 1.0) < SAME_RATIO), ratio)
-                found.setdefault(same, []).append(f"in {real} where {named} is named")
+                found.setdefault(same, []).append((real, named))
     return found
 
 
-def _size(column: str, ratio: float, pairs: Iterable[str]) -> str:
+def _size(column: str, ratio: float, pairs: Iterable[tuple[str, str]]) -> str:
     """A mistake in words, by the factor that corrects it and the units that were taken for each other."""
     off = max(ratio, 1.0 / ratio)
     size = f"{off:.{0 if off >= 100.0 else 2}f} times too {'large' if ratio < 1.0 else 'small'}"
-    return f"the {column}s are {size} ({' or '.join(pairs)})"
+    causes = " or ".join(f"in {real} where {named} is named" for real, named in pairs)
+    return f"the {column}s are {size} ({causes})"
 
 
 def by_step(ratio: float, scales: Scales) -> str:
     """The wrong unit by which positions come in `ratio` steps of the encoder; empty where no unit of the axis does."""
     known = {unit: scales.position(unit) for unit in scales.units("position") if unit != "counts"}
     pairs = [
-        f"in {real} where {named} is named"
+        (real, named)
         for named, real in itertools.permutations(known, 2)
         if abs(ratio * known[real] / known[named] - 1.0) < SAME_STEP
     ]
@@ -107,8 +113,8 @@ def by_pace(dt: float) -> str:
     causes = [m.words for m in MISTAKES if m.time < 1.0 and low <= dt * m.time <= high]
     if dt <= RARE_ROWS or not causes:
         return ""
-    advice = "name the unit of the times in the column's header or in --columns (time=1:ms)"
-    return f"rows come every {duration(dt)}, unless {causes[0]}: {advice}"
+    remedy = "name the unit of the times in the column's header or in --columns (time=1:ms)"
+    return f"rows come every {duration(dt)}, unless {causes[0]}: {remedy}"
 
 
 def _wrong(column: str) -> list[Mistake]:
@@ -117,7 +123,8 @@ def _wrong(column: str) -> list[Mistake]:
     for ratio, pairs in _ratios(CONFUSED[column]).items():
         words = _size(column, ratio, pairs)
         factors = {name: ratio if name == column else 1.0 for name in CONFUSED}
-        mistakes.append(Mistake(factors["time"], factors["position"], factors["current"], words))
+        example = f"{column}=N:{pairs[0][0]}"
+        mistakes.append(Mistake(factors["time"], factors["position"], factors["current"], words, example))
     return mistakes
 
 

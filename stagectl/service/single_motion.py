@@ -115,8 +115,8 @@ def move(motion: Motion, progress: Progress) -> Ended:
             companion.say(repr(float(ready["position"])))
         meta = {**motion.meta, "drive": ready["drive"], "origin": ready["position"]}
         recorder.send(Order(ring.place, alive, str(motion.recording), meta, rollout.COLUMNS))
-        if recorder.line() != "ready":
-            raise DriveError(f"the recorder cannot write {motion.recording}; nothing has moved; see the message above")
+        if (said := recorder.line()) != "ready":
+            raise DriveError(f"{said or 'the recorder did not start'}; nothing has moved")
         board.order(boards.Order(Event.ENABLE))
         board.order(laid_on(board, motion.plan.setpoints))
         loop.say("go")

@@ -125,8 +125,8 @@ def _check_samples(p: Recorded, place: str) -> None:
         reason = f"has {others} values; must have one for each of {rows} times"
         raise TrajectoryError(Problem(reason, ProblemKind.SHAPE, below(place, "position")))
     if rows < LEAST_ROWS:
-        reason = f"the recorded motion has {rows} rows; must have at least {LEAST_ROWS}"
-        raise TrajectoryError(Problem(reason, ProblemKind.SHAPE, place, remedy="record longer"))
+        reason = f"the motion has {rows} rows; must have at least {LEAST_ROWS}"
+        raise TrajectoryError(Problem(reason, ProblemKind.SHAPE, place, remedy="give more rows"))
     steps = np.diff(p.time)
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 1

@@ -65,7 +65,7 @@ def tuned(family: Family, demand: Demand, bandwidth: float | None = None) -> Tun
     quantity = Quantity("Hz", f"(0, {_most(family):g}]", "bandwidth")
     if not quantity.admits(bandwidth):
         raise TuningError(
-            f"--bandwidth {bandwidth:g} Hz; must lie in {quantity.interval} Hz",
+            f"bandwidth = {bandwidth:g} Hz; must lie in {quantity.interval} Hz",
             option="bandwidth",
             value=bandwidth,
             admissible=quantity.interval,
@@ -74,7 +74,7 @@ def tuned(family: Family, demand: Demand, bandwidth: float | None = None) -> Tun
     if missing:
         nearest = _nearest(family, demand, bandwidth)
         raise TuningError(
-            f"--bandwidth {bandwidth:g} Hz is not possible: {'; '.join(missing)}; {_required(demand)}.  "
+            f"bandwidth = {bandwidth:g} Hz is not possible: {'; '.join(missing)}; {_required(demand)}.  "
             f"{_loop(family)}.  {nearest.words}",
             option="bandwidth",
             value=bandwidth,

@@ -333,6 +333,10 @@ MOTIONS: list[tuple[str, dict[str, Any]]] = [
     (SINE.format("40 mm", "3 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.speed", "value": "300 mm/s"}),
     (SINE.format("1 mm", "15 Hz", 1), {"kind": Kind.LIMIT, "key": "limits.acceleration", "value": "5 m/s^2"}),
     (SINE.format("1 mm", "1 Hz", 9000), {"kind": Kind.LIMIT, "key": "duration", "value": "9002 s"}),
+    (
+        "Type: sine\nAmplitude: 1 mm\n",
+        {"kind": Kind.UNKNOWN, "key": "Type", "remedy": "did you mean type?", "line": 1},
+    ),
     ("type: sin\n", {"kind": Kind.VALUE, "key": "type", "value": "sin", "choices": TYPES, "line": 1}),
     (
         SINE.format("2 N", "1 Hz", 1),

@@ -57,7 +57,7 @@ def test_a_parameter_that_takes_nothing_raises_the_share_of_no_other() -> None:
 
 
 def session(*logs: dict[str, Any]) -> Any:
-    plain = {"held_out": False, "command": 1, "current": 1, "position": np.array([0.0, 3e-6])}
+    plain = {"held_out": False, "command": 1, "current": 1, "position": np.array([0.0, 12e-6])}
     stage = SimpleNamespace(encoder=SimpleNamespace(step=1e-6))
     return SimpleNamespace(logs=[SimpleNamespace(**{**plain, **log}) for log in logs], stage=stage, dt=5e-4)
 
@@ -67,7 +67,7 @@ def session(*logs: dict[str, Any]) -> Any:
     [
         ([{"held_out": True}], "use: diagnose"),
         ([{"command": None, "current": None}], "current"),
-        ([{"position": np.array([0.0, 2e-6])}], "record a motion"),
+        ([{"position": np.array([0.0, 8e-6])}], "10 encoder steps"),
         ([{"command": None}], ""),
         ([{}, {"command": None, "current": None}], ""),
     ],

@@ -12,10 +12,11 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
-from stagectl.identification.capture_checks import implausible, suspicions
+from stagectl.identification.capture_checks import check_possible, contradictions, implausible, suspicions
 from stagectl.identification.captures import CURRENTS, opened, prepared
+from stagectl.identification.least_squares import method as least_squares
 from stagectl.identification.methods import identify
-from stagectl.identification.result import Topic, topics
+from stagectl.identification.result import Parameter, Topic, topics
 from stagectl.recording.clipping import clipped
 from stagectl.recording.hdf5 import Recording
 from tests.identification.synthetic import DT, ROWS, TC, Array, D, J, motion
@@ -153,6 +154,41 @@ def test_a_spoilt_recording_is_refused(
     assert isinstance(kind, Refusal) or caught.value.value == ", ".join(kind)
 
 
+@pytest.mark.parametrize(("column", "factor"), [("measured_current", 1e-3), ("measured", 1e-3)])
+def test_the_advice_is_about_the_column_that_is_wrong(
+    columns: dict[str, Array], ball_screw: Setup, column: str, factor: float
+) -> None:
+    """The unit that it names is the one that the column is in."""
+    entry = {"measured_current": "current=N:A", "measured": "position=N:"}[column]
+    with pytest.raises(IdentificationError) as caught:
+        prepared([spoilt(columns, lambda c: c[column].__imul__(factor))], ball_screw)
+    assert entry in str(caught.value)
+
+
+@pytest.mark.parametrize(("factor", "named"), [(1.02, False), (2.5, True)])
+def test_captures_that_contradict_each_other_are_named(
+    columns: dict[str, Array], ball_screw: Setup, factor: float, named: bool
+) -> None:
+    """Each by itself fits, together they do not: two machines, or two scales."""
+    (one,) = prepared([recording(columns)], ball_screw)
+    pair = [one, one._replace(name="other", current=factor * one.current)]
+    found = least_squares.identify(pair, ball_screw.file)
+    doubts = contradictions(pair, found, ball_screw.file)
+    assert bool(doubts) is named and all("other" in doubt and one.name in doubt for doubt in doubts)
+    assert contradictions([one], found, ball_screw.file) == []
+
+
+@pytest.mark.parametrize(("high", "possible"), [(-0.001, False), (0.001, True)])
+def test_a_negative_inertia_is_no_result(high: float, possible: bool) -> None:
+    found = {"inertia": Parameter(-0.01, -0.02, high, "kg m^2")}
+    if possible:
+        check_possible(found)
+        return
+    with pytest.raises(IdentificationError) as caught:
+        check_possible(found)
+    assert caught.value.reason is Refusal.IMPLAUSIBLE and caught.value.admissible == "(0, inf)"
+
+
 def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw: Setup) -> None:
     (capture,) = prepared([spoilt(columns, lambda c: c["measured_current"].__imul__(1e3))], ball_screw, doubtful=True)
     assert topics(capture.notes) == {Topic.LIMIT, Topic.UNITS} and "in mA" in capture.notes[-1]
@@ -170,6 +206,10 @@ def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw
         ((0.563, 7.8, 0.9), "in rad where deg is named"),
         ((1.1e4, 130.0, 0.9), "times are 1000 times too large"),
         ((1.1e-5, 1.3e-4, 0.9e-3), "currents are 1000 times too small"),
+        ((0.0004, 0.0058, 0.037), "drive.wire.rated_current"),
+        ((0.042, 0.6, 3.7), "motor.force_constant"),
+        ((0.021, 0.28, 1.8), None),
+        ((0.042, 0.6, 0.9), None),
         ((-0.011, 0.13, 0.9), "not the same machine, or a wrong unit"),
     ],
 )

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stagectl.config.stage_file import load_stage
 from stagectl.problem import ProblemKind
 from stagectl.recording.guess.guess import Guess, Known, guess
 from stagectl.recording.guess.importing import import_log
 from stagectl.recording.hdf5 import RecordingError
+from tests.conftest import CONFIG
 from tests.problems import refused
 from tests.recording import damage
 
@@ -93,6 +95,22 @@ def test_a_unit_by_the_length_of_the_travel_is_asked_for(tmp_path: Path) -> None
     assert guessed is not None and taken(guessed)["position"] == "2:rad"
     ((recording, _),) = import_log(path, None, {"position": "pos:mm"}, UNKNOWN, unsure=False)
     assert np.ptp(recording.column("measured")) == pytest.approx(1e-3 * np.ptp(made["position"]), rel=1e-6)
+
+
+@pytest.mark.parametrize("header", ["time [s],position [furlong],current [A]", "t,Achse 3 (furlong),i"])
+@pytest.mark.parametrize("staged", [False, True])
+def test_a_unit_that_is_not_known_is_no_missing_one(tmp_path: Path, header: str, staged: bool) -> None:
+    """No unit is proposed in its place, those that are known are named, and one that is chosen is taken."""
+    made, setup = damage.motion(), load_stage(CONFIG / "ball-screw.yaml") if staged else None
+    path = written(tmp_path, {"t": made["time"], "x": made["position"], "i": made["current"]}, header)
+    for unsure in (False, True):
+        with refused(RecordingError, file=path, kind=ProblemKind.UNIT, column="2", value="furlong") as caught:
+            import_log(path, setup, None, UNKNOWN, unsure=unsure)
+        assert {"rad", "mm"} <= set(caught.value.problems[0].choices) and "2:rad" not in str(caught.value)
+    words = {"time": "1:s", "position": "2:mm", "current": "3:A"}
+    assert len(import_log(path, setup, words, UNKNOWN, unsure=False)) == 1
+    del words["time"], words["current"]
+    assert len(import_log(path, setup, words, UNKNOWN, unsure=True)) == 1
 
 
 def test_a_current_is_no_position(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import resource
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +99,23 @@ def test_files_that_are_none(ball_screw: Setup, tmp_path: Path) -> None:
     assert (tmp_path / "text.h5").read_text() == "not a current"
     made(ball_screw, tmp_path / "b.h5")
     made(ball_screw, tmp_path / "b.h5")  # one of ours may be written over
+
+
+def test_a_disk_that_is_full_leaves_what_was_there(ball_screw: Setup, tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    learned, before = made(ball_screw, path), path.read_bytes()
+    room = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, room[1]))
+    try:
+        with pytest.raises(learned_current.LearnedError) as error:
+            learned_current.save(path, learned)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, room)
+    assert isinstance(error.value.__cause__, OSError)
+    assert error.value.__cause__.errno == errno.EFBIG
+    assert error.value.problems[0].kind is ProblemKind.FILE
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_folder_holds_the_learned_current_and_the_observer(ball_screw: Setup, tmp_path: Path) -> None:

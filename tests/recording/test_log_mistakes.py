@@ -85,6 +85,63 @@ def test_a_linear_record_is_not_of_a_rotary_stage(tmp_path: Path) -> None:
             read(tmp_path / name, setup)
 
 
+@pytest.mark.parametrize(
+    ("content", "token"),
+    [
+        (b"PK\x03\x04\x14\0" + bytes(40), "Excel"),
+        (b"\xd0\xcf\x11\xe0" + bytes(40), "Excel"),
+        (b"\x1f\x8b\x08" + bytes(40), "gunzip"),
+        (b"\n<!DOCTYPE html>\n<html><table></table></html>", "HTML"),
+    ],
+)
+@pytest.mark.parametrize("name", ["log.csv", "log.xlsx", "log.h5"])
+def test_a_file_of_an_office_program_is_named(tmp_path: Path, name: str, content: bytes, token: str) -> None:
+    """Whatever its name: as a log and as a recording."""
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=token) as caught:
+        read(path)
+    assert "zero bytes" not in str(caught.value) and caught.value.problems[0].file == path
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.mat"])
+def test_a_log_in_the_place_of_a_recording_is_imported_first(tmp_path: Path, name: str) -> None:
+    """The remedy is a command and no name, as the log has the right one."""
+    path = tmp_path / name
+    path.write_text("time_s,position_rad\n0,0\n1,1\n")
+    with refused(RecordingError, kind=KIND.SYNTAX, file=path) as caught:
+        open_recording(path)
+    assert f"stagectl import {path} -o {tmp_path / 'log.h5'}" in str(caught.value)
+
+
+def test_a_header_below_other_rows_that_says_all_is_read(tmp_path: Path) -> None:
+    """No guess is made, and the rows above are noted."""
+    (tmp_path / "log.csv").write_text("# a\n# b\ntime_s,current_command_A,position_rad\n0,2,0\n1,2,1\n")
+    (recording,) = read(tmp_path / "log.csv")
+    assert recording.samples.dtype.names == ("time", "command", "measured")
+    assert "first 3 rows" in recording.meta["notes"][0]
+
+
+def test_a_header_may_have_a_separator_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time_s,position_rad,current_A\n0\t0\t1\n1\t1\t2\n")
+    (recording,) = read(tmp_path / "log.csv")
+    np.testing.assert_array_equal(recording.column("measured_current"), [1.0, 2.0])
+
+
+def test_another_unit_than_the_header_s_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time_s,q [rad]\n0,0\n1,1\n")
+    for unit, noted in (("mm", True), ("rad", False)):
+        (recording,) = read(tmp_path / "log.csv", columns={"time": "time_s", "position": f"2:{unit}"})
+        assert any("its header says rad" in note for note in recording.meta["notes"]) is noted
+
+
+@pytest.mark.parametrize(("end", "noted"), [("", True), ("25\n", False), ("25", False)])
+def test_a_last_row_that_ends_early_is_noted(tmp_path: Path, end: str, noted: bool) -> None:
+    (tmp_path / "log.csv").write_text(f"time_s,position_rad\n0.5,0.125\n0.7,0.1{end}")
+    (recording,) = read(tmp_path / "log.csv")
+    assert any("may be cut off" in note for note in recording.meta["notes"]) is noted
+
+
 def foreign_hdf5(path: Path) -> None:
     with h5py.File(path, "w") as file:
         file["time"], file["pos"] = np.arange(3.0), np.arange(3.0)

@@ -52,6 +52,15 @@ def test_a_rounded_clock_keeps_its_gap(tmp_path: Path) -> None:
     assert np.delete(steps, 4999) == pytest.approx(0.5e-3, rel=1e-3)
 
 
+@pytest.mark.parametrize("lost", [slice(3000, 3001), slice(3000, 4000)])
+def test_lost_rows_are_no_rounded_clock(tmp_path: Path, lost: slice) -> None:
+    """Exact stamps at one rate, of which some are missing, stay as they are."""
+    columns = {name: np.delete(column, lost) for name, column in damage.motion(2000.0).items()}
+    recording = imported(tmp_path, columns)
+    assert repairs(recording) == []
+    np.testing.assert_allclose(recording.column("time"), columns["time"] - columns["time"][0], rtol=1e-9, atol=1e-9)
+
+
 def test_irregular_stamps_stay(tmp_path: Path) -> None:
     columns = damage.jittered(damage.motion(), 0.3)
     recording = imported(tmp_path, columns)

@@ -53,6 +53,12 @@ def test_going_on_keeps_the_seed(tmp_path: Path) -> None:
     assert len(entered(tmp_path)) == 2
 
 
+def test_there_must_be_an_exam_to_continue(tmp_path: Path) -> None:
+    with pytest.raises(StageError, match="no exam to continue"):
+        held(tmp_path / "exam", "--resume", "--seed", "3")
+    assert not (tmp_path / "exam").exists()
+
+
 def test_the_first_of_them_and_then_the_rest(tmp_path: Path) -> None:
     """What is told of a part says that it is one; the exam that lies there stays the whole one."""
     held(tmp_path / "exam", "--seed", "3", "--first", "7")

@@ -34,6 +34,7 @@ class GuessedColumn(NamedTuple):
     unit: str
     sure: float  # 0 to 1, of column and unit together
     why: str
+    stranger: str = ""  # in brackets in its header, where a unit belongs, and no known one
 
 
 class Known(NamedTuple):
@@ -100,7 +101,8 @@ def _check_moves(columns: list[Column], path: Path) -> None:
 def _part(quantity: str, role: Role, unit: Unit, turned: bool = False) -> GuessedColumn:
     name = f"-{role.column.name}" if turned else role.column.name
     why = f"{role.why}; {unit.why}{'; it opposes the motion, so its sign is turned' if turned else ''}"
-    return GuessedColumn(quantity, name, unit.name, min(role.sure, unit.sure), why)
+    stranger = units.stranger(role.column.words) if unit.sure <= constants.SURE_BY_MAGNITUDE else ""
+    return GuessedColumn(quantity, name, unit.name, min(role.sure, unit.sure), why, stranger)
 
 
 def _of_motion(others: list[Column], time: Array, known: Known) -> tuple[list[GuessedColumn], Scales, list[str]]:

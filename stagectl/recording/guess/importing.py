@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.problem import ProblemKind
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import constants
-from stagectl.recording.columns import choices, scales_by_unit
+from stagectl.recording.columns import MOTIONS, choices, scales_by_unit
+from stagectl.recording.guess import units
 from stagectl.recording.guess.guess import Guess, GuessedColumn, Known, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import read
@@ -62,12 +63,26 @@ def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: K
     else:
         taken = taken._replace(scales=_of_kind(taken.scales, words, path))
     taken = taken._replace(columns=tuple(part for part in taken.columns if part.quantity not in words))
+    _check_known(path, taken, stated)
     if taken.columns and taken.sure < constants.LEAST_SURE and not unsure:
         raise _not_sure(path, taken)
     (recording,) = read(path, setup, {**taken.words, **words}, taken.scales)
     recording.meta["notes"] = [*map(line, taken.columns), *taken.notes, *recording.meta["notes"]]
     recording.meta.setdefault("nominal", _nominal(path.stem, taken.scales))
     return Imported(recording, taken)
+
+
+def _check_known(path: Path, taken: Guess, stated: Scales | None) -> None:
+    """Raise RecordingError where a motion's header names a unit that is none: its size would be a guess."""
+    for part in taken.columns:
+        if part.quantity in MOTIONS and part.stranger:
+            known = stated.units(part.quantity) if stated else units.known(part.quantity)
+            reason = f"the header of column {part.column} says so, and this unit is not known"
+            where = f"--columns {part.quantity}={part.column}:UNIT"
+            remedy = f"convert the column to one of these, and name that in the header or as {where}"
+            key = f"{path}: {part.quantity}"
+            problem = Problem(reason, ProblemKind.UNIT, key, part.stranger, choices=known, remedy=remedy, file=path)
+            raise RecordingError(problem, column=part.column)
 
 
 def _of_kind(scales: Scales, words: Mapping[str, str], path: Path) -> Scales:

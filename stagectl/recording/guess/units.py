@@ -10,6 +10,7 @@ import numpy as np
 
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
+from stagectl.recording.scales import is_unit
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _WORDS = {
@@ -35,6 +36,17 @@ def said(words: str, kind: str) -> Unit | None:
         if re.search(rf"(?:^|[\s_\[(]){re.escape(name.lower())}(?:$|[\s\])])", tidy):
             return Unit("rpm" if name == "r/min" else name, constants.SURE_BY_NAME, f"its header says {name}")
     return None
+
+
+def stranger(words: str) -> str:
+    """What the words around a column have in brackets, where a unit belongs; empty where that is a known one."""
+    within = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", words)
+    return within[1] if within and not is_unit(within[1]) else ""
+
+
+def known(quantity: str) -> tuple[str, ...]:
+    """The units that a guess knows of a position, a reference or a velocity."""
+    return _WORDS["velocity" if quantity == "velocity" else "position"]
 
 
 def of_time(words: str, time: Array) -> Unit:

@@ -44,12 +44,14 @@ def prepared(root: Path, asked: Asked, manner: Manner, resume: bool) -> list[Pla
     """The plan, written down at the first start and compared at a later one.
 
     Raises ExamError, and writes nothing, where a stratum is none, or where the folder holds another exam, or any
-    without `resume`.
+    without `resume`, or none with it.
     """
     planned = plan(asked.trials, asked.seed, asked.strata)
     described, before = _described(asked, manner), _before(root)
     if before is not None and not resume:
         raise ExamError(f"{root} holds an exam already; go on with --resume, or choose another folder")
+    if before is None and resume:
+        raise ExamError(f"{root} holds no exam to continue: leave out --resume to begin one there")
     if before not in (None, described):
         raise _another(root, before, described)
     ground = ground_of(Path(asked.on), Path(asked.stage)) if asked.on else None
