@@ -125,10 +125,10 @@ class GapDiagnosis(ReportedResult):
 
     def sheet(self) -> Sheet:
         """The sentence, the effects with their values, and the gap before and after."""
-        from stagectl.gap.result import verdict_text
+        from stagectl.gap.result import remarks_text
         from stagectl.report.tables.gap import tables
 
-        return Sheet(self.verdict, self.sentence, tables(self.diagnosis), verdict_text.lines(self.diagnosis))
+        return Sheet(self.verdict, self.sentence, tables(self.diagnosis), remarks_text.lines(self.diagnosis))
 
     def plot(self, what: DiagnosisFigure = "shares") -> Figure:
         """Shares of the squared gap, what it follows, when it is open, or the held-out run that shows most.

@@ -37,13 +37,13 @@ def following(
 
     Example: stagectl gap next captures/ -o next.yaml
     """
-    from stagectl.gap.result import verdict_text
+    from stagectl.gap.result import remarks_text
     from stagectl.gap.result.result_json import load
 
     diagnosis = load(folder)
     proposal = diagnosis.next_experiment
     nothing = ["no experiment is proposed: none would show more than these data do"]
-    for line in verdict_text.advice(diagnosis) if proposal else nothing:
+    for line in remarks_text.advice(diagnosis) if proposal else nothing:
         console.print(line)
     written = _written(proposal, folder, output) if proposal else None
     if samples is not None and written is not None:

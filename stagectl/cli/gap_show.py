@@ -8,7 +8,7 @@ from rich.table import Table
 
 from stagectl.cli.show import console
 from stagectl.gap.effects import library
-from stagectl.gap.result import verdict_text
+from stagectl.gap.result import remarks_text, verdict_text
 from stagectl.gap.result.diagnosis import NAMED, DiagnosisResult
 from stagectl.number_format import interval, percent, portion
 from stagectl.report.tables.gap import gaps
@@ -26,7 +26,7 @@ def show(diagnosis: DiagnosisResult, folder: Path) -> None:
         console.print(_effects(diagnosis))
     if diagnosis.verdict != "controller":
         console.print(_gaps(diagnosis))
-    for line in (*_where(diagnosis), *verdict_text.lines(diagnosis)):
+    for line in (*_where(diagnosis), *remarks_text.lines(diagnosis)):
         console.print(line)
     for line in _commands(diagnosis, folder):
         console.print(line, style="bold")
@@ -64,7 +64,7 @@ def _where(diagnosis: DiagnosisResult) -> list[str]:
     )
     lines = [f"where in the loop: {blocks}"] + ([f"what it follows: {follows}"] if ranked else [])
     open_ones = tuple(capture for capture in diagnosis.captures if capture.spans)
-    spans = verdict_text.spans(diagnosis._replace(captures=open_ones))
+    spans = remarks_text.spans(diagnosis._replace(captures=open_ones))
     more = [f"and {len(spans) - MOST_SPANS} more captures"] if len(spans) > MOST_SPANS else []
     return [*lines, *(f"open in {span}" for span in spans[:MOST_SPANS]), *more]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.gap.result import verdict_text
+from stagectl.gap.result import remarks_text, verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, UNEXPLAINED, VERDICTS, FoundEffect, Gap
 from stagectl.gap.result.result_json import NAME, NotADiagnosisError, as_json, load, restored, save
 from stagectl.replacing import json_text
@@ -97,7 +97,7 @@ def test_no_share_below_nothing_or_above_all_is_a_per_cent(shares: tuple[float, 
     effects = tuple(ASYMMETRY._replace(name=name, share=share) for name, share in zip(names, shares, strict=False))
     diagnosis = found("effects", effects=effects)
     assert diagnosis.sentence.startswith(beginning)
-    printed = [*verdict_text.lines(diagnosis), *(cell for row in tables.effects(diagnosis).rows for cell in row)]
+    printed = [*remarks_text.lines(diagnosis), *(cell for row in tables.effects(diagnosis).rows for cell in row)]
     figures = [float(figure) for figure in re.findall(r"(\S+) %", " ".join([diagnosis.sentence, *printed]))]
     assert all(0.0 <= figure <= 100.0 for figure in figures)
 
@@ -199,13 +199,13 @@ def test_a_wrong_entry_is_named(tmp_path: Path) -> None:
 
 
 def test_ambiguity_and_advice_in_words() -> None:
-    (line,) = verdict_text.ambiguous(FOUND["effects"])
+    (line,) = remarks_text.ambiguous(FOUND["effects"])
     assert line == "Cogging or encoder eccentricity: these data fit each of them; cogging has probability 0.61."
-    assert verdict_text.advice(FOUND["effects"])[0] == (
+    assert remarks_text.advice(FOUND["effects"])[0] == (
         "Next experiment: stairs both ways, 8 speeds. It separates cogging from encoder eccentricity by 11.3 sigma, "
         "and takes 14 s of machine time."
     )
-    assert verdict_text.spans(FOUND["effects"])[2] == "micro-sine-8um-1.csv: nowhere"
+    assert remarks_text.spans(FOUND["effects"])[2] == "micro-sine-8um-1.csv: nowhere"
     assert verdict_text.closure(Gap(2.0, 1.0, 0.1, "m", 0.752, 0.71, 0.79)) == "75 % (71 to 79 %)"
 
 

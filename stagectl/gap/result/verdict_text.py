@@ -28,7 +28,7 @@ def _none(result: DiagnosisResult) -> str:
     effects = (effect for effect in result.effects if not effect.parameter)
     likely = max(effects, key=lambda effect: effect.probability, default=None)
     if likely is not None and likely.probability >= _LIKELY:
-        return f"No effect is certain. {_capital(candidates(likely))}: probability {likely.probability:.2f}."
+        return f"No effect is certain. {capital(candidates(likely))}: probability {likely.probability:.2f}."
     gap = headline(result)[1]
     if not gap.floor > 0.0 and gap.before > FLOORS * gap.after:
         return "The model is off, but these logs do not show which of its parameters is."
@@ -76,9 +76,9 @@ def _at_floor(result: DiagnosisResult, size: float) -> bool:
 _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
     "none": _none,
     "parameters": _parameters,
-    "effects": lambda r: f"{_capital(_missing(r))}.",
-    "effects+unknown": lambda r: f"{_capital(_missing(r))}. {_capital(_unknown(r))}.",
-    "unknown": lambda r: f"{_known_part(r)}. {_capital(_unknown(r))}.",
+    "effects": lambda r: f"{capital(_missing(r))}.",
+    "effects+unknown": lambda r: f"{capital(_missing(r))}. {capital(_unknown(r))}.",
+    "unknown": lambda r: f"{_known_part(r)}. {capital(_unknown(r))}.",
     "controller": _controller,
     "not-identifiable": _unidentifiable,
 }
@@ -91,7 +91,8 @@ def _known_part(result: DiagnosisResult) -> str:
     return f"Parameters of the model are off: {_causes(result, result.named)}"
 
 
-def _capital(text: str) -> str:
+def capital(text: str) -> str:
+    """`text` as a sentence begins."""
     return text[:1].upper() + text[1:]
 
 
@@ -208,7 +209,7 @@ def _distance(result: DiagnosisResult) -> str:
     noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else "noise floor not known: no run was repeated"
     change = "this decrease is not significant" if gap.after < gap.before else "the model comes no closer"
     doubt = "" if _shrinks(result) or unchanged or not result.named else f"; {change}"
-    return f"{_capital(name)} {size} on {result.judged_on}, {noise}{doubt}."
+    return f"{capital(name)} {size} on {result.judged_on}, {noise}{doubt}."
 
 
 def _shrinks(result: DiagnosisResult) -> bool:
@@ -233,61 +234,3 @@ def gap_label(name: str) -> str:
 def closure(gap: Gap) -> str:
     """``98 % (96 to 99 %)``."""
     return f"{percent(gap.closure)} ({percent(gap.low).removesuffix(' %')} to {percent(gap.high)})"
-
-
-def ambiguous(result: DiagnosisResult) -> list[str]:
-    """Effects that these data do not separate, a line each."""
-    return [
-        f"{_capital(candidates(effect))}: these data fit each of them; "
-        f"{'one of them' if effect.parameter else label(effect.name)} has probability {effect.probability:.2f}."
-        for effect in result.effects
-        if effect.alternatives
-    ]
-
-
-def advice(result: DiagnosisResult) -> list[str]:
-    """The next experiment in words."""
-    following = result.next_experiment
-    if following is None:
-        return []
-    names = [label(name) for name in following.separates]
-    more = f" (and {', '.join(names[2:])})" if names[2:] else ""
-    purpose = f"separates {' from '.join(names[:2])}{more}" if names else "shows what these logs have not shown"
-    size = f" by {following.separation_sigma:.3g} sigma" if following.separation_sigma > 0.0 else ""
-    line = f"Next experiment: {following.name}. It {purpose}{size}, and takes {_machine_time(following.duration)}."
-    return [line, following.words] if following.words else [line]
-
-
-def _machine_time(seconds: float) -> str:
-    return f"{seconds:.0f} s of machine time" if seconds < 120.0 else f"{seconds / 60.0:.0f} min of machine time"
-
-
-def spans(result: DiagnosisResult) -> list[str]:
-    """When the gap is open, a line a log."""
-    lines = []
-    for capture in result.captures:
-        total = sum(end - begin for begin, end in capture.spans)
-        listed = ", ".join(f"{begin:.2f} to {end:.2f} s" for begin, end in capture.spans[:MOST])
-        more = f" and {len(capture.spans) - MOST} more" if len(capture.spans) > MOST else ""
-        where = f"{listed}{more} ({total:.2g} s)" if capture.spans else "nowhere"
-        lines.append(f"{capture.file}: {where}")
-    return lines
-
-
-def lines(result: DiagnosisResult) -> list[str]:
-    """All that is said below the figures: notes, what is ambiguous, and the next experiment."""
-    return [*remarks(result), *idle(result), *ambiguous(result), *advice(result)]
-
-
-def idle(result: DiagnosisResult) -> list[str]:
-    """Effects that explain forces, while the model with them comes no closer to the held-out runs; a line each."""
-    return [
-        f"{_capital(label(effect.name))} explains the forces, but does not improve the model: it takes none of the gap."
-        for effect in result.named
-        if not effect.parameter and effect.fields and effect.share <= 0.0
-    ]
-
-
-def remarks(result: DiagnosisResult) -> list[str]:
-    """Notes, then the limits of these logs."""
-    return [*result.notes, *(f"Limit of these logs: {limit}" for limit in result.cannot_tell)]

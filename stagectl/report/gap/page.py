@@ -7,7 +7,7 @@ import shlex
 from matplotlib.figure import Figure
 
 from stagectl.gap.effects.library import label
-from stagectl.gap.result import verdict_text
+from stagectl.gap.result import remarks_text, verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, HELD_OUT, NOISE, DiagnosisResult
 from stagectl.number_format import percent
 from stagectl.recording.metadata import versions
@@ -161,8 +161,8 @@ def _unknown(result: DiagnosisResult, place: str) -> Section | None:
 
 
 def _following(result: DiagnosisResult, place: str) -> Section | None:
-    ambiguous = verdict_text.ambiguous(result)
-    lines = [*ambiguous, *verdict_text.advice(result)]
+    ambiguous = remarks_text.ambiguous(result)
+    lines = [*ambiguous, *remarks_text.advice(result)]
     commands = []
     if result.next_experiment is not None and result.next_experiment.trajectory:
         lines.append("The command gap next writes it, and prints the commands that run it and diagnose again.")
@@ -182,5 +182,5 @@ def _parameters(result: DiagnosisResult, _place: str) -> Section | None:
 
 
 def _limits(result: DiagnosisResult, _place: str) -> Section | None:
-    lines = verdict_text.remarks(result)
+    lines = remarks_text.remarks(result)
     return Section("Notes and limits", lines, [], []) if lines else None

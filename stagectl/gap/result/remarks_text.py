@@ -1,0 +1,65 @@
+"""What is said below the figures of a diagnosis, in lines: notes, limits, what is ambiguous, the next experiment."""
+
+from __future__ import annotations
+
+from stagectl.gap.effects.library import label
+from stagectl.gap.result.diagnosis import DiagnosisResult
+from stagectl.gap.result.verdict_text import MOST, candidates, capital
+
+
+def ambiguous(result: DiagnosisResult) -> list[str]:
+    """Effects that these data do not separate, a line each."""
+    return [
+        f"{capital(candidates(effect))}: these data fit each of them; "
+        f"{'one of them' if effect.parameter else label(effect.name)} has probability {effect.probability:.2f}."
+        for effect in result.effects
+        if effect.alternatives
+    ]
+
+
+def advice(result: DiagnosisResult) -> list[str]:
+    """The next experiment in words."""
+    following = result.next_experiment
+    if following is None:
+        return []
+    names = [label(name) for name in following.separates]
+    more = f" (and {', '.join(names[2:])})" if names[2:] else ""
+    purpose = f"separates {' from '.join(names[:2])}{more}" if names else "shows what these logs have not shown"
+    size = f" by {following.separation_sigma:.3g} sigma" if following.separation_sigma > 0.0 else ""
+    line = f"Next experiment: {following.name}. It {purpose}{size}, and takes {_machine_time(following.duration)}."
+    return [line, following.words] if following.words else [line]
+
+
+def _machine_time(seconds: float) -> str:
+    return f"{seconds:.0f} s of machine time" if seconds < 120.0 else f"{seconds / 60.0:.0f} min of machine time"
+
+
+def spans(result: DiagnosisResult) -> list[str]:
+    """When the gap is open, a line a log."""
+    lines = []
+    for capture in result.captures:
+        total = sum(end - begin for begin, end in capture.spans)
+        listed = ", ".join(f"{begin:.2f} to {end:.2f} s" for begin, end in capture.spans[:MOST])
+        more = f" and {len(capture.spans) - MOST} more" if len(capture.spans) > MOST else ""
+        where = f"{listed}{more} ({total:.2g} s)" if capture.spans else "nowhere"
+        lines.append(f"{capture.file}: {where}")
+    return lines
+
+
+def lines(result: DiagnosisResult) -> list[str]:
+    """All that is said below the figures: notes, what is ambiguous, and the next experiment."""
+    return [*remarks(result), *idle(result), *ambiguous(result), *advice(result)]
+
+
+def idle(result: DiagnosisResult) -> list[str]:
+    """Effects that explain forces, while the model with them comes no closer to the held-out runs; a line each."""
+    return [
+        f"{capital(label(effect.name))} explains the forces, but does not improve the model: it takes none of the gap."
+        for effect in result.named
+        if not effect.parameter and effect.fields and effect.share <= 0.0
+    ]
+
+
+def remarks(result: DiagnosisResult) -> list[str]:
+    """Notes, then the limits of these logs."""
+    return [*result.notes, *(f"Limit of these logs: {limit}" for limit in result.cannot_tell)]
