@@ -193,10 +193,11 @@ class AxisController:
     def _from_here(self) -> Setup:
         """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands.
 
-        With the stage file's text as it was read: refusals quote it, whatever has become of the file.
+        With the text of a file of one axis as it was read: refusals quote it, whatever has become of the file.
         """
         here, limits = self.status.reference, self.setup.file.limits
-        setup = self.setup._replace(text=self.setup.text or self._file.text)
+        several = split(self.setup.path)[1]  # a text is that of one axis
+        setup = self.setup if several else self.setup._replace(text=self.setup.text or self._file.text)
         if not math.isfinite(here):
             return setup
         left = limits._replace(travel=(limits.travel[0] - here, limits.travel[1] - here))
