@@ -10,7 +10,7 @@ import pytest
 import stagectl as sc
 from stagectl.cli.gap_show import show
 from stagectl.gap.logs import load_session
-from stagectl.gap.logs.current_order import order_doubts, periods_ahead
+from stagectl.gap.logs.current_order import drive_doubts, order_doubts, periods_ahead
 from stagectl.report.gap.page import page
 from tests.conftest import CONFIG
 from tests.gap.captured import Columns
@@ -43,6 +43,16 @@ def test_swapped_columns_are_said(columns: Columns) -> None:
 def test_a_command_that_was_logged_late_is_said(columns: Columns, late: int) -> None:
     ahead = periods_ahead(np.roll(columns["command"], late), columns["current"])
     assert ahead in (late - 1, late - 2)  # the drive itself takes a period, and its lag
+
+
+@pytest.mark.parametrize("rows", [4, 10])
+def test_a_current_that_a_slow_log_shows_at_a_limit_is_said(columns: Columns, rows: int) -> None:
+    """Between two rows there are commands that nobody knows; a limit lasts longer."""
+    command, current = (np.repeat(columns[name], 4)[::rows] for name in ("command", "current"))
+    assert drive_doubts(command, current, DT) == [] == drive_doubts(command, None, DT)
+    limit = 0.6 * float(np.abs(command).max())
+    (doubt,) = drive_doubts(command, np.clip(current, -limit, limit), DT)
+    assert "steady command" in doubt
 
 
 def test_noise_alone_has_no_order() -> None:

@@ -1,11 +1,12 @@
-"""Whether the measured current comes before its command: no drive does that, so the columns may be exchanged."""
+"""Whether the measured current belongs to its command: no drive gives it earlier, or another one for long."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from stagectl.gap.logs.session import Array
-from stagectl.gap.logs.thresholds import CURRENT_LEADS, MOST_LEAD
+from stagectl.gap.logs.thresholds import CURRENT_LEADS, MOST_LEAD, STEADY, STEADY_ROWS, UNFOLLOWED, UNFOLLOWED_ROWS
 from stagectl.number_format import duration
 
 
@@ -19,6 +20,27 @@ def order_doubts(command: Array | None, current: Array | None, dt: float) -> lis
     return [
         f"the measured current comes {duration(lead * dt)} before the command, and a drive follows its command: "
         "exchange the two columns if they are swapped; else one of them was logged late"
+    ]
+
+
+def drive_doubts(command: Array | None, current: Array | None, dt: float) -> list[str]:
+    """What to say where the current (n,) A of a log with rows every `dt` (s) stays away from a command that is steady.
+
+    No delay of the drive does that, however many commands lie between two rows.
+    """
+    if command is None or current is None or len(command) <= STEADY_ROWS:
+        return []
+    largest = max(float(np.nanmax(np.abs(command))), 1e-300)
+    steady = np.ptp(sliding_window_view(command, STEADY_ROWS), axis=1) < STEADY * largest
+    rows = np.flatnonzero(steady) + STEADY_ROWS // 2
+    away = rows[np.abs(command - current)[rows] > UNFOLLOWED * largest]
+    if len(away) <= UNFOLLOWED_ROWS * max(len(rows), 1):
+        return []
+    size = float(np.abs(command - current)[away].max())
+    return [
+        f"the measured current stays up to {size:.3g} A away from a steady command (first at {away[0] * dt:.3f} s, "
+        f"{duration(len(away) * dt)} in all): the drive does not give what it is asked for, as at a limit of its "
+        "current or of its supply voltage; its effects need a log of every control period"
     ]
 
 

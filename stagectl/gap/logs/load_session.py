@@ -18,7 +18,7 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.logs import deployed_controller, nominal_model, row_validity
-from stagectl.gap.logs.current_order import order_doubts
+from stagectl.gap.logs.current_order import drive_doubts, order_doubts
 from stagectl.gap.logs.grid import GriddedLog, on_control_periods
 from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
 from stagectl.gap.logs.repeats import Repeat, reconciled
@@ -54,7 +54,8 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
     machine = machine._replace(stage=_as_logged(machine.stage, repeats, [log for log, _ in finished], (period, dt)))
     notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
     notes += [(log.name, note) for log, log_notes in finished for note in log_notes]
-    doubts = [(log.name, doubt) for log, _ in finished if held for doubt in order_doubts(log.command, log.current, dt)]
+    of_drive = order_doubts if held else drive_doubts
+    doubts = [(log.name, doubt) for log, _ in finished for doubt in of_drive(log.command, log.current, dt)]
     axis = machine.axis
     session = Session(
         place=paths[0],
