@@ -42,7 +42,7 @@ def texts(verdict: str) -> list[str]:
         ("parameters", "0.1681 N m s/rad (0.1665 to 0.1697)", "Ambiguities"),
         ("effects", "stagectl gap next captures", "Unexplained"),
         ("effects+unknown", "Unexplained", "does not exceed"),
-        ("unknown", "repeats and has no known cause", "Parameters"),
+        ("unknown", "has no known cause", "Parameters"),
         ("controller", "The integral gain looks like 0.5 of the nominal one.", "How far the gap shrinks"),
         ("not-identifiable", "Only one speed was run.", "does not exceed"),
         ("foreign", "no current was logged", "Checked on"),
