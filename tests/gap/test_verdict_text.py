@@ -57,6 +57,12 @@ def test_repeats_that_contradict_each_other_are_no_agreement() -> None:
     assert "not of one machine" in sentence and "agrees" not in sentence
 
 
+def test_what_oscillates_by_itself_is_looked_for_around_the_axis() -> None:
+    oscillating = found("unknown", effects=(), unknown=SHAPE._replace(coordinate="frequency", line=7.3, fields=()))
+    assert any("7.3 Hz" in line for line in remarks_text.lines(oscillating))
+    assert remarks_text.outside(found("unknown", effects=(), unknown=SHAPE)) == []
+
+
 def test_a_value_that_is_off_hides_no_effect() -> None:
     """However much more it takes of the gap: what is missing in the model is the news."""
     values = [

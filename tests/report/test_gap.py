@@ -88,7 +88,7 @@ def test_a_cut_that_was_impossible_is_hatched_and_says_why() -> None:
     hatched = [rect for rect in tree.iter(f"{SVG}rect") if rect.get("fill") == "url(#hatch)"]
     assert len(hatched) == 3
     words = " ".join(element.text or "" for element in tree.iter(f"{SVG}text"))
-    assert "not judged: no measured current" in words and "one sensor only" in words
+    assert "not judged: no measured current, or a slow log" in words and "one sensor only" in words
     assert "Hatched" in chain(diagnosis).caption and "Hatched" not in chain(FOUND["effects"]).caption
 
 

@@ -30,6 +30,16 @@ def advice(result: DiagnosisResult) -> list[str]:
     return [line, following.words] if following.words else [line]
 
 
+def outside(result: DiagnosisResult) -> list[str]:
+    """How to find what oscillates whatever the axis does."""
+    if result.unknown is None or not result.unknown.line:
+        return []
+    return [
+        "To find the oscillation, log the axis at standstill under power, with the machines, pumps and fans around it "
+        f"on, and then off one by one. The one without which the {result.unknown.line:.3g} Hz are gone is the cause."
+    ]
+
+
 def _machine_time(seconds: float) -> str:
     return f"{seconds:.0f} s of machine time" if seconds < 120.0 else f"{seconds / 60.0:.0f} min of machine time"
 
@@ -48,7 +58,7 @@ def spans(result: DiagnosisResult) -> list[str]:
 
 def lines(result: DiagnosisResult) -> list[str]:
     """All that is said below the figures: notes, what is ambiguous, and the next experiment."""
-    return [*remarks(result), *idle(result), *ambiguous(result), *advice(result)]
+    return [*remarks(result), *idle(result), *ambiguous(result), *outside(result), *advice(result)]
 
 
 def idle(result: DiagnosisResult) -> list[str]:

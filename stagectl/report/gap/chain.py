@@ -29,7 +29,7 @@ _INK, _SOFT, _LINE = "#1e293b", "#64748b", "#94a3b8"
 _SMALL = f'font-size="12" fill="{_SOFT}"'
 _WHY: Mapping[str, str] = {  # reason for a cut that was not possible, where the diagnosis gives none
     "controller": "not judged: no controller or no command is known",
-    "drive": "not judged: no measured current",
+    "drive": "not judged: no measured current, or a slow log",
     "mechanics": "not judged",
     "sensor": "not judged",
 }

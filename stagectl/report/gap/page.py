@@ -162,7 +162,7 @@ def _unknown(result: DiagnosisResult, place: str) -> Section | None:
 
 def _following(result: DiagnosisResult, place: str) -> Section | None:
     ambiguous = remarks_text.ambiguous(result)
-    lines = [*ambiguous, *remarks_text.advice(result)]
+    lines = [*ambiguous, *remarks_text.outside(result), *remarks_text.advice(result)]
     commands = []
     if result.next_experiment is not None and result.next_experiment.trajectory:
         lines.append("The command gap next writes it, and prints the commands that run it and diagnose again.")
