@@ -141,7 +141,7 @@ def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisC
 
     What is more probably of no size leaves the model.  An effect may show in one experiment, at one place or speed
     alone, but in all repeats of it.  A drift may end soon, but shows in all experiments.  Where nothing was repeated,
-    drifts, and waves that stand by their line alone, must have a size in every way to divide the data.
+    drifts, and waves that stand by their line alone, must show in all experiments.
     """
     known = errors(e, library, selected.fitted, smooth)
     of_size = {valued.effect.name: _borne_out(valued, known) for valued in selected.fitted.effects}
@@ -154,9 +154,8 @@ def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisC
 def _borne_out(valued: EffectValues, known: Mapping[str, Errors]) -> float:
     """Probability that an effect has a size, as far as those parts of the data agree that must."""
     if CLOCK not in known:
-        drifts = valued.effect.time_variation is not None
-        every = drifts or valued.effect.name in constants.WAVES
-        return min(_of_size(valued, each, each.matrix) for each in known.values()) if every else 1.0
+        alone = valued.effect.time_variation is not None or valued.effect.name in constants.WAVES
+        return _of_size(valued, known[EXPERIMENT], known[EXPERIMENT].matrix) if alone else 1.0
     way = known[CLOCK if valued.effect.time_variation is None else EXPERIMENT]
     return _of_size(valued, way, way.between)
 
