@@ -81,8 +81,9 @@ def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after:
     if not predicted or all(valued.effect.block == DRIVE for valued in added):
         return True
     before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
-    allowed = max(constants.OUTDONE * (1.0 - library.ordered(e, now)), constants.FORM)
-    return adequate(before, left, predicted) and left <= allowed * before
+    if not adequate(before, left, predicted):
+        return False
+    return left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - library.ordered(e, now)) * before
 
 
 def _first_of(
