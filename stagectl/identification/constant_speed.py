@@ -30,6 +30,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
+from stagectl.number_format import percent
 from stagectl.units import ROTARY
 
 
@@ -251,7 +252,7 @@ def _doubts(spans: list[SpeedSpan], scatter: float, file: StageFile, rotary: boo
     inertial = max(abs(inertia * span.acceleration / span.force) if span.force else math.inf for span in spans)
     if inertial > thresholds.SPAN_INERTIAL:
         text = (
-            f"the speed still changes within a span: by the stage file's inertia {100.0 * inertial:.2g} % of the force "
+            f"the speed still changes within a span: by the stage file's inertia {percent(inertial)} of the force "
             f"there is inertial; must be below {100.0 * thresholds.SPAN_INERTIAL:g} %: record longer spans"
         )
         notes.append(Note(Topic.UNSETTLED, text))

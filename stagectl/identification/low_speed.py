@@ -30,6 +30,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Parameter, Progress, Topic
+from stagectl.number_format import percent
 from stagectl.units import ROTARY
 
 
@@ -220,13 +221,13 @@ def _checked_fit(strokes: list[Stroke], fit: OperatorFit, file: StageFile) -> li
     notes = [Note(Topic.FORCE_CONSTANT, "the force constant is taken from the stage file: the table scales with it")]
     if late > thresholds.LATE_DOUBTFUL * coulomb:
         text = (
-            f"{100.0 * late / coulomb:.2g} % of the friction still rises over the last half of the strokes; the table "
+            f"{percent(late / coulomb)} of the friction still rises over the last half of the strokes; the table "
             "may go on beyond them: record a larger amplitude"
         )
         notes.append(Note(Topic.UNSETTLED, text))
     if fast > thresholds.FAST_DOUBTFUL:
         text = (
-            f"by the stage file's inertia and viscous friction up to {100.0 * fast:.2g} % of the force is not rolling "
+            f"by the stage file's inertia and viscous friction up to {percent(fast)} of the force is not rolling "
             "friction: record a slower motion"
         )
         notes.append(Note(Topic.TOO_FAST, text))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from stagectl.gap.logs import thresholds
 from stagectl.gap.logs.session import Array
-from stagectl.number_format import duration
+from stagectl.number_format import duration, percent
 
 Rows = NDArray[np.bool_]
 Excluded = tuple[Rows, str]  # rows (n,) that do not count, and why
@@ -24,8 +24,8 @@ def row_validity(columns: dict[str, Array], dt: float, limit: float, step: float
     notes: list[str] = []
     for rows, words in _exclusions(columns, dt, limit, step):
         if np.any(rows):
-            share = 100.0 * float(np.mean(rows))
-            notes.append(f"{words} (from {float(np.argmax(rows)) * dt:.6g} s, {share:.2g} % of it): not used")
+            share = float(np.mean(rows))
+            notes.append(f"{words} (from {float(np.argmax(rows)) * dt:.6g} s, {percent(share)} of it): not used")
             valid &= ~rows
     return valid, notes + _plateau(columns, limit)
 

@@ -29,6 +29,7 @@ from stagectl.identification.simultaneous.estimate import known_delay
 from stagectl.identification.simultaneous.model import DelayPrior
 from stagectl.identification.thresholds import NORMAL_95
 from stagectl.kernels import stage
+from stagectl.number_format import percent
 from stagectl.units import Quantity
 
 NOTED_CHANGE = 1e-4  # s of delay, whose effect the note gives
@@ -132,7 +133,7 @@ def _covariance(fit: FrictionFit, basis: Basis) -> tuple[Array, Array]:
 def _delay_note(fit: FrictionFit, half: float, per_second: Array) -> Note:
     """The delay, and the effect of 0.1 ms on inertia and viscous friction."""
     changes = ", ".join(
-        f"{name} by {100.0 * NOTED_CHANGE * abs(slope / value):.2g} %"
+        f"{name} by {percent(NOTED_CHANGE * abs(slope / value))}"
         for name, value, slope in zip(FIRST, fit.weights.tolist(), per_second.tolist(), strict=False)
         if value
     )

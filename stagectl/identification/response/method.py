@@ -25,6 +25,7 @@ from stagectl.identification.response import fits
 from stagectl.identification.response.lines import Curve, coherence_threshold, curves
 from stagectl.identification.response.sampling_correction import known_delay
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic, unit_of
+from stagectl.number_format import percent
 
 LARGEST = "largest amplitude"
 
@@ -275,7 +276,7 @@ def _curve_doubts(curve: Curve) -> list[Note]:
         notes.append(Note(Topic.PRECISION, text))
     if curve.kind == "multisine" and not math.isnan(curve.distortion):
         text = (
-            f"{where}: even lines, which an odd multisine does not excite, carry {100.0 * curve.distortion:.2g} % of "
+            f"{where}: even lines, which an odd multisine does not excite, carry {percent(curve.distortion)} of "
             "the excited ones: even distortion and noise (odd distortion, as of friction, is not in them)"
         )
         notes.append(Note(Topic.RESIDUAL, text))

@@ -23,7 +23,7 @@ from stagectl.identification.simultaneous.regressors import (
     shortest_knots,
     window,
 )
-from stagectl.number_format import duration, length
+from stagectl.number_format import duration, length, percent
 
 
 def checked(capture: Capture, file: StageFile) -> Capture:
@@ -89,7 +89,7 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
     if span <= widest and share <= thresholds.LOST_ACCELERATION:
         return
     moved = f"the axis moves by {_travel(float(np.ptp(capture.position)), file)}"
-    percent, most = f"{100.0 * share:.2g} %", f"{100.0 * thresholds.LOST_ACCELERATION:.0f} %"
+    lost, most = percent(share), percent(thresholds.LOST_ACCELERATION)
     longest = f"{1e3 * widest:.0f} ms"
     larger = (
         "the motion must go beyond presliding (first condition of the paper), and be fast enough to determine the "
@@ -100,7 +100,7 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
         reason = Refusal.SAMPLING
         text = (
             f", sampled every {duration(capture.dt)}; averaged over {1e3 * span:.3g} ms, {2 * KNOTS} sampling times "
-            f"or more, {percent} of its acceleration is noise of the position (at most {most}, over at most "
+            f"or more, {lost} of its acceleration is noise of the position (at most {most}, over at most "
             f"{longest}): sampled too slowly to resolve its reversals; sample every "
             f"{duration(thresholds.FAST_SAMPLING)} or faster, or use least-squares"
         )
@@ -111,7 +111,7 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
         )
     else:
         text = (
-            f"; averaged over {1e3 * span:.3g} ms, {percent} of its acceleration is noise of the position; must be at "
+            f"; averaged over {1e3 * span:.3g} ms, {lost} of its acceleration is noise of the position; must be at "
             f"most {most}: {larger}"
         )
     limit = f"[0, {thresholds.LOST_ACCELERATION:g}]"

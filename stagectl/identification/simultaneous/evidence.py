@@ -142,7 +142,7 @@ def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
         noise, gram = min(len(p.white) * moved / inertia**2, most), full.copy()
         agrees = abs(noise - p.acceleration_noise) <= thresholds.NOISE_AGREES * noise
         gram[ACCELERATION, ACCELERATION] -= noise
-        p = p._replace(gram=gram, acceleration_noise=noise, moved_share=min(moved / fit.variance, 1.0))
+        p = p._replace(gram=gram, acceleration_noise=noise, moved_share=min(moved / max(fit.variance, 1e-300), 1.0))
         if agrees:
             break
     return p

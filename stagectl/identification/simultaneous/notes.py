@@ -13,7 +13,7 @@ from stagectl.identification.result import Note, Topic
 from stagectl.identification.simultaneous import laws
 from stagectl.identification.simultaneous.estimate import NAMES, Estimate
 from stagectl.identification.simultaneous.regressors import controlled
-from stagectl.number_format import duration
+from stagectl.number_format import duration, percent
 from stagectl.units import LINEAR, ROTARY
 
 COLUMNS = {
@@ -104,7 +104,7 @@ def _form(p: Estimate) -> Iterator[Note]:
     behind = ", ".join(f"{laws.LAWS[law.name].words} {0.5 * (law.criterion - best.criterion):.3g}" for law in rivals)
     text = (
         f"friction: {laws.LAWS[best.name].words} explains it best (log evidence lower by: {behind}); "
-        f"{100.0 * p.answer.form_share:.2g} % of the residual's variance is taken for an error of its form, which the "
+        f"{percent(p.answer.form_share)} of the residual's variance is taken for an error of its form, which the "
         "intervals include"
     )
     yield Note(Topic.METHOD, text)
@@ -115,7 +115,7 @@ def _effort(p: Estimate) -> str:
 
 
 def _percent(p: Estimate, name: str, half: float) -> str:
-    return f"{100.0 * half / max(abs(p.parameters[name].value), 1e-300):.2g} %"
+    return percent(half / max(abs(p.parameters[name].value), 1e-300))
 
 
 def _force_constant(p: Estimate) -> Iterator[Note]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.number_format import percent
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
 from stagectl.recording.guess import motion
@@ -136,11 +137,7 @@ def reference_of(columns: Sequence[Column], position: Column) -> tuple[Role, Col
     )
     reference, measured = (position, other) if turned else (other, position)
     named = hinted(reference, "reference")
-    why = (
-        "its header says reference"
-        if named
-        else f"the position follows it within {100.0 * max(1.0 - share, 0.0):.2g} %"
-    )
+    why = "its header says reference" if named else f"the position follows it within {percent(max(1.0 - share, 0.0))}"
     return Role(reference, constants.SURE_BY_NAME if named else constants.SURE_BY_MAGNITUDE, why), measured
 
 
