@@ -14,6 +14,7 @@ import pytest
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.wire import on_channel
 from stagectl.drives.drive import DriveError
+from stagectl.motion_limits import LimitError
 from stagectl.units import StageError
 from stagectl.workflows.acceptance import protocol, result
 from stagectl.workflows.acceptance.protocol import STEPS, Signatory, Step
@@ -185,6 +186,12 @@ def test_nobody_answers_for_a_person_on_a_real_drive(tmp_path: Path, command: Co
 def test_a_page_wants_a_name(ball_screw: Setup, person: str) -> None:
     with pytest.raises(StageError):
         protocol.accept(ball_screw, Signatory(person, willing), lambda words: None)
+
+
+def test_a_test_current_above_the_limit_is_refused(ball_screw: Setup) -> None:
+    with pytest.raises(LimitError) as caught:
+        protocol.accept(ball_screw, Signatory("A. Turing", willing), lambda words: None, current=200.0)
+    assert (caught.value.needed, caught.value.allowed) == (200.0, 15.0)
 
 
 def test_an_axis_that_falls_is_not_tried_in_open_loop(ball_screw: Setup, tmp_path: Path) -> None:

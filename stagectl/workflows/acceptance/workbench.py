@@ -11,6 +11,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.other_masters import alone
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.kernels import stage
+from stagectl.motion_limits import check_current
 from stagectl.number_format import length
 from stagectl.service.virtual_timeouts import patient
 from stagectl.workflows.acceptance.drive_reader import DriveReader, Stop, reading
@@ -58,7 +59,7 @@ class Workbench:
 
     @classmethod
     def of(cls, setup: Setup, current: float | None) -> Workbench:
-        """For a stage with a CANopen drive.  Raises DriveError where it cannot be tried like this."""
+        """For a stage with a CANopen drive.  Raises DriveError where it cannot be tried so; LimitError."""
         friction, bias = stage.sliding(setup.stage.friction), abs(setup.stage.mechanics.bias)
         if bias > friction:
             raise DriveError(
@@ -68,7 +69,8 @@ class Workbench:
                 place="mechanics.bias",
                 value=setup.stage.mechanics.bias,
             )
-        current = _test_current(setup) if current is None else min(current, setup.file.drive.current_limit)
+        current = _test_current(setup) if current is None else current
+        check_current(setup, current)
         return cls(setup.with_wire(reset="none"), current)
 
     @property
