@@ -183,7 +183,7 @@ def identify(
     values = {name: parameter.value for name, parameter in estimate.parameters.items()}
     if not doubtful:
         capture_checks.check_possible(estimate.parameters)
-    implausible = capture_checks.implausible(values, designed.setup)
+    implausible = capture_checks.implausible(values, designed.setup.stage)
     implausible += capture_checks.contradictions(used, estimate, designed.setup.file)
     estimate = estimate._replace(notes=(*implausible, *estimate.notes))
     estimate = with_compensators(estimate, method, compensation, compensators)

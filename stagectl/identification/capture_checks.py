@@ -76,20 +76,24 @@ def remarks(capture: Capture, scales: Scales) -> list[Note]:
     ]
 
 
-def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:
+def implausible(values: Mapping[str, float], nominal: stage.Stage) -> list[str]:
     """Results that are far from the stage file, and the wrong unit that would explain them; `values` in SI by name."""
-    nominal = {
-        "inertia": setup.stage.mechanics.inertia,
-        "viscous": setup.stage.mechanics.viscous,
-        "coulomb": stage.sliding(setup.stage.friction),
-    }
-    far_off = thresholds.FAR_FROM_NOMINAL
-    ratios = {name: values[name] / size for name, size in nominal.items() if size > 0.0 and name in values}
+    expected, far_off = force_scaled(nominal), thresholds.FAR_FROM_NOMINAL
+    ratios = {name: values[name] / size for name, size in expected.items() if size > 0.0 and name in values}
     far = {name: ratio for name, ratio in ratios.items() if ratio <= 0.0 or not 1.0 / far_off < ratio < far_off}
     scale = _force_scale(ratios)
     named = ratios if scale else far
-    words = [f"{name} is {values[name]:.3g}, {nominal[name]:.3g} in the stage file" for name in named]
-    return [f"{'; '.join(words)}: {scale or _ANOTHER}{_cause(ratios)}"] if words else []
+    words = [f"{name} is {values[name]:.3g}, {expected[name]:.3g} in the stage file" for name in named]
+    return [f"{'; '.join(words)}: {scale or _ANOTHER}{_cause(ratios, bool(scale))}"] if words else []
+
+
+def force_scaled(p: stage.Stage) -> dict[str, float]:
+    """The parameters of `p` that scale with the force, in SI by name."""
+    return {
+        "inertia": p.mechanics.inertia,
+        "viscous": p.mechanics.viscous,
+        "coulomb": stage.sliding(p.friction),
+    }
 
 
 def contradictions(captures: Sequence[Capture], found: IdentificationResult, file: StageFile) -> list[str]:
@@ -150,11 +154,12 @@ def _force_scale(ratios: Mapping[str, float]) -> str:
     return f"all of them are {size}, so it is the scale of the force, or another machine: check {scales}"
 
 
-def _cause(ratios: Mapping[str, float]) -> str:
-    """The mistakes that give what was found these `ratios` to the stage file's values."""
+def _cause(ratios: Mapping[str, float], of_force: bool) -> str:
+    """The mistakes that give what was found these `ratios` to the stage file's values; of the force's column alone."""
     if min(ratios.values()) <= 0.0:
         return ""
-    off = {mistake: _decades(mistake, ratios) for mistake in wrong_units.MISTAKES if mistake.current > 0.0}
+    possible = [each for each in wrong_units.MISTAKES if each.current > 0.0 and (each.current != 1.0 or not of_force)]
+    off = {mistake: _decades(mistake, ratios) for mistake in possible}
     most = min(min(off.values()) + thresholds.ALIKE_DECADES, thresholds.CAUSE_DECADES)
     causes = [mistake.words for mistake, decades in off.items() if decades <= most]
     return f": it fits if {', or '.join(causes)}" if causes else ""

@@ -51,6 +51,14 @@ def test_a_wrong_unit_or_sign_is_refused(tmp_path: Path, rows: np.ndarray, facto
     assert (caught.value.reason, caught.value.logs) == ("unit", ("log.csv",))
 
 
+def test_a_force_in_another_scale_is_doubted(tmp_path: Path, rows: np.ndarray) -> None:
+    """A factor that no unit has: the torque of another rated current; inertia and frictions are all off by it."""
+    log = _log(tmp_path, rows * (1.0, 1.0, 1.0 / 6.0), "time_s,position_rad,current_A")
+    notes = sc.diagnose(log, stage=STAGE, advice=False).notes
+    (doubt,) = (note for note in notes if "scale of the force" in note)
+    assert "6 times too small" in doubt and "positions" not in doubt
+
+
 @pytest.mark.parametrize("scale", [0.4, 1.0, 2.5])
 def test_another_machine_of_the_kind_is_not(tmp_path: Path, rows: np.ndarray, scale: float) -> None:
     """Nominal values may be wrong by a factor of two and a half."""

@@ -192,7 +192,7 @@ def test_a_negative_inertia_is_no_result(high: float, possible: bool) -> None:
 def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw: Setup) -> None:
     (capture,) = prepared([spoilt(columns, lambda c: c["measured_current"].__imul__(1e3))], ball_screw, doubtful=True)
     assert topics(capture.notes) == {Topic.LIMIT, Topic.UNITS} and "in mA" in capture.notes[-1]
-    (strange,) = implausible({"inertia": 11.0, "viscous": 130.0, "coulomb": 900.0}, ball_screw)
+    (strange,) = implausible({"inertia": 11.0, "viscous": 130.0, "coulomb": 900.0}, ball_screw.stage)
     assert "inertia is 11, 0.01 in the stage file; viscous is 130, 0.14" in strange
     assert "the currents are 1000 times too large" in strange
 
@@ -216,7 +216,7 @@ def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw
 def test_what_was_found_is_compared_by_decades(
     ball_screw: Setup, values: tuple[float, float, float], cause: str | None
 ) -> None:
-    doubts = implausible(dict(zip(("inertia", "viscous", "coulomb"), values, strict=True)), ball_screw)
+    doubts = implausible(dict(zip(("inertia", "viscous", "coulomb"), values, strict=True)), ball_screw.stage)
     assert (doubts == []) if cause is None else (cause in doubts[0])
 
 

@@ -14,6 +14,7 @@ from stagectl.gap.selection.select import Selection
 from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.closure import Closure, closure, effort
 from stagectl.gap.validation.thresholds import NEARLY_CLOSEST
+from stagectl.identification.capture_checks import force_scaled, implausible
 from stagectl.kernels.stage import Stage
 
 NOTHING_HELD_OUT = (
@@ -40,7 +41,7 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
     improved = best
     for signature in conclusions.signatures:
         improved = signature.put_in(improved)
-    lines = warnings(session, e, best)
+    lines = [*warnings(session, e, best), *scale_doubt(session.stage, improved)]
     return Validation(improved, closure(session, e, selected, improved), tuple(lines))
 
 
@@ -68,6 +69,12 @@ def closest(session: Session, stages: Sequence[Stage], logs: Sequence[Log]) -> S
 def _nearly_closest(stages: Sequence[Stage], sums: Sequence[float]) -> Stage:
     limit = NEARLY_CLOSEST * np.nanmin(sums)
     return next(stage for stage, remaining in zip(stages, sums, strict=True) if remaining <= limit)
+
+
+def scale_doubt(nominal: Stage, improved: Stage) -> list[str]:
+    """A warning where what was found is so far from `nominal` that a unit or the scale of the force is in doubt."""
+    at_nominal = nominal.motor.force_constant / improved.motor.force_constant
+    return implausible({name: at_nominal * value for name, value in force_scaled(improved).items()}, nominal)
 
 
 def warnings(session: Session, e: Evidence, improved: Stage) -> list[str]:
