@@ -29,6 +29,7 @@ from stagectl.identification.simultaneous.regressors import (
     Part,
     Rows,
     coarse,
+    resolution,
     smoothed,
     track,
     window,
@@ -87,7 +88,7 @@ def shapes(parts: list[Part], motion: Array) -> Shapes:
 
 def _resolved(p: Part, rms: float, steps: float, share: float) -> float:
     """Displacement (rad | m) of so many encoder steps, or of a `share` of `rms` (acceleration) times knots squared."""
-    return max(steps * p.capture.encoder_step, share * rms * (p.q * p.capture.dt) ** 2)
+    return max(steps * resolution(p.capture), share * rms * (p.q * p.capture.dt) ** 2)
 
 
 class Path(NamedTuple):

@@ -26,6 +26,7 @@ from stagectl.identification.simultaneous.regressors import (
     Part,
     coarse,
     currents,
+    resolution,
     ripple_shares,
     stepped,
     window_correlation,
@@ -174,7 +175,7 @@ def _rough(seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior) -> 
         plain = _setting(seen, coulomb, file, delay)
         return plain._replace(sensed=math.inf) if any(coarse(p) for p in seen.parts) else plain
     rough, first = (thresholds.ROUGH_NOISE * coulomb) ** 2, seen.parts[0]
-    row, count = first.places.step * first.capture.dt, file.mechanics.inertia * first.capture.encoder_step
+    row, count = first.places.step * first.capture.dt, file.mechanics.inertia * resolution(first.capture)
     power = rough * row / (2.0 * thresholds.WINDOW_BAND) / (count**2 / 12.0 * first.capture.dt)
     noise = whitening.with_corner([p.rows for p in seen.parts], power**0.25 * row)
     scatter = math.sqrt(rough + _rounding(seen.parts, noise, file))

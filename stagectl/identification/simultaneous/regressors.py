@@ -126,10 +126,20 @@ def acceleration(capture: Capture, q: int, order: int = 2) -> Array:
 
 
 def position_noise(capture: Capture) -> float:
-    """Standard deviation of the position's noise: that of rounding, or of fourth differences where it is larger."""
-    differences = np.abs(np.diff(capture.position, 4))
-    seen = float(np.median(differences)) / 0.6745 / math.sqrt(70.0) if len(differences) else 0.0
-    return max(capture.encoder_step / math.sqrt(12.0), seen)
+    """Standard deviation of the position's noise: that of rounding, unless high differences show far more."""
+    order = thresholds.NOISE_DIFFERENCES
+    differences = np.abs(np.diff(capture.position, order))
+    seen = float(np.median(differences)) / 0.6745 / math.sqrt(math.comb(2 * order, order)) if len(differences) else 0.0
+    rounding = capture.encoder_step / math.sqrt(12.0)
+    return seen if seen > thresholds.BEYOND_ROUNDING * rounding else rounding
+
+
+def resolution(capture: Capture) -> float:
+    """The encoder step (rad | m) whose rounding is as much as the position's noise: a log may hold more than rounding.
+
+    Time stamps that jitter, an estimated angle, an analogue sensor: a stage file says nothing of them.
+    """
+    return math.sqrt(12.0) * position_noise(capture)
 
 
 def part(capture: Capture, wide: int, longest: float, delay: float) -> Part:
@@ -225,7 +235,7 @@ def coarse(p: Part) -> bool:
 def step_time(p: Part) -> float:
     """Time (s) in which the axis moves by an encoder step from a reversal."""
     rms = float(np.sqrt(np.mean(acceleration(p.capture, p.wide) ** 2)))
-    return math.sqrt(2.0 * p.capture.encoder_step / max(rms, 1e-300))
+    return math.sqrt(2.0 * resolution(p.capture) / max(rms, 1e-300))
 
 
 def _lightly_smoothed(x: Array) -> Array:

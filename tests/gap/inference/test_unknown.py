@@ -12,6 +12,8 @@ from stagectl.gap.inference import shape_fits, unknown, unstructured_residual
 from stagectl.gap.inference.basis_functions import EVEN, INERTIAL, ODD, CoordinateBasis, hats
 from stagectl.gap.inference.shape_fits import ShapeFit
 from stagectl.gap.inference.unknown import Explained
+from stagectl.gap.selection import refine
+from stagectl.gap.selection.linearised import Predicted
 
 SPEED = CoordinateBasis("speed", lambda m: m.velocity, hats(np.array([0.0, 1.0, 2.0])), 0.0, 2.0)
 PLACE = SPEED._replace(coordinate="position")
@@ -57,21 +59,22 @@ def test_the_force_of_a_shape_is_even_plus_odd_in_the_direction() -> None:
     assert grid[0] == 0.0 and force == pytest.approx(1.0 + grid)
 
 
-def test_largest_counts_clear_shapes_and_the_clock_over_all_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_predicted_counts_clear_shapes_and_the_clock_over_all_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shape_fits, "own_columns", lambda *_: None)
     monkeypatch.setattr(unknown, "least_gain", lambda _: 50.0)
+    monkeypatch.setattr(refine, "repeated", lambda _: False)
     monkeypatch.setattr(unknown, "repeats_of", lambda _: 3.0)
     monkeypatch.setattr(shape_fits, "single_coordinate", lambda *_: [FIT, FIT._replace(gain=400.0, share=0.1)])
     course = 0.0
     monkeypatch.setattr(
         unstructured_residual, "clock_gain", lambda *given: (course if course > given[-1] else 0.0, 1.0)
     )
-    assert unknown.largest(NOTHING, NOTHING, NOTHING) == 300.0
+    assert unknown.predicted(NOTHING, NOTHING, NOTHING) == Predicted((300.0, 0.0), FIT.share)
     course = 500.0
-    assert unknown.largest(NOTHING, NOTHING, NOTHING) == 500.0
+    assert unknown.predicted(NOTHING, NOTHING, NOTHING).cuts[0] == 500.0
     course = 149.0
     monkeypatch.setattr(shape_fits, "single_coordinate", lambda *_: [])
-    assert unknown.largest(NOTHING, NOTHING, NOTHING) == 0.0
+    assert unknown.predicted(NOTHING, NOTHING, NOTHING) == Predicted()
 
 
 def test_a_shape_predicts_what_the_folds_share() -> None:

@@ -1,0 +1,37 @@
+"""Positions with more noise than their encoder rounds: an estimated angle, an analogue sensor, uneven time stamps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stagectl as sc
+from stagectl.api.record import MotionRecord
+from tests.conftest import CONFIG
+
+STAGE = CONFIG / "ball-screw.yaml"
+
+
+@pytest.fixture(scope="module")
+def moved() -> MotionRecord:
+    return sc.simulate(STAGE, CONFIG / "trajectories" / "sine-1.6hz.yaml")
+
+
+@pytest.mark.parametrize("counts", [1.0, 10.0, 60.0])
+def test_noise_that_the_stage_file_does_not_state_does_not_take_the_inertia(
+    tmp_path: Path, moved: MotionRecord, counts: float
+) -> None:
+    """Nine counts of white noise had left 0.6 % of the inertia, within an interval of 2 %."""
+    stage = sc.load_stage(STAGE)
+    noise = counts * stage.setup.file.encoder.one_count * np.random.default_rng(3).standard_normal(len(moved["time"]))
+    columns = (moved["time"], moved["measured"] + noise, moved["measured_current"], moved["reference"])
+    log = tmp_path / "log.csv"
+    header = "time_s,position_rad,current_A,reference_rad"
+    np.savetxt(log, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.10g")
+    found = sc.identify(STAGE, log).parameters
+    truth = stage.setup.stage.mechanics
+    assert found["inertia"].value == pytest.approx(truth.inertia, rel=0.01)
+    assert found["viscous"].value == pytest.approx(truth.viscous, rel=0.01)
+    assert found["coulomb"].value == pytest.approx(1.0, rel=0.02)
