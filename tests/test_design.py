@@ -133,9 +133,15 @@ def test_an_unstable_loop_is_refused_even_if_any_margin_would_do(ball_screw: Set
 
 
 def test_a_bandwidth_below_the_plants_damping_is_refused(ball_screw: Setup) -> None:
-    remedy = "the damping D/J needs more than 0.557 Hz"
-    with refused(design.DesignError, key="control.bandwidth", value="0.5 Hz", remedy=remedy):
-        design.gains(ball_screw.stage, controlled(ball_screw, 0.5, 5e-4))
+    """Kp = J p (4 p^2 - p^3/a)/(Kt a) is positive from p = D/(3.75 J) on, and Kd at every p, 0 at p = D/(3 J)."""
+    least = 14.0 / (7.5 * math.pi)
+    for share in (0.5, 0.95, 0.999):
+        with refused(
+            design.DesignError, key="control.bandwidth", remedy=f"the damping D/J needs more than {least:.3g} Hz"
+        ):
+            design.gains(ball_screw.stage, controlled(ball_screw, share * least, 5e-4))
+    for hertz in (1.001 * least, 14.0 / (6.0 * math.pi)):
+        assert design.gains(ball_screw.stage, controlled(ball_screw, hertz, 5e-4)).proportional > 0.0
 
 
 extreme = st.sampled_from([5e-324, 1e-300, 1e-150, 1e-30, 1e-9, 1e-3, 1.0, 1e3, 1e6])
