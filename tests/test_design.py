@@ -210,6 +210,33 @@ def test_a_slow_loop_is_as_stable_at_a_high_rate(ball_screw: Setup, hertz: float
     assert phases[1] == pytest.approx(phases[0], abs=1.5)
 
 
+@pytest.mark.parametrize("number", range(24))
+def test_load_base_and_current_loop_are_in_the_margin(ball_screw: Setup, number: int) -> None:
+    """As unstable as the simulation is: a load behind a spring, a base on its feet, a current loop that overshoots."""
+    rng = np.random.default_rng(number)
+    body, share = ball_screw.stage.mechanics, (0.0, 0.3, 0.6)[number % 3]
+    loaded = body.transmission._replace(
+        load_share=share, resonance=float(10 ** rng.uniform(1.3, 2.8)), load_friction=float(rng.uniform())
+    )
+    base = body.base._replace(ratio=0.3 * (number % 2), frequency=float(10 ** rng.uniform(0.7, 2.0)))
+    damped = (math.inf, 0.2, 1.0)[number % 5 % 3]
+    drive = ball_screw.stage.drive._replace(current_damping=damped, gain=0.2 * (number % 4 == 0))
+    p = ball_screw.stage._replace(drive=drive, mechanics=body._replace(transmission=loaded, base=base))
+    control = controlled(ball_screw, float(rng.uniform(10.0, 60.0)), 5e-4)
+    reached = design.margins(p, design.gains(p, control), 5e-4)
+    if abs(reached.phase) > math.radians(3.0):
+        assert (spread(ball_screw._replace(stage=p), control) < 0.3) == reached.stable
+
+
+def test_a_compliance_that_makes_the_loop_swing_is_refused(ball_screw: Setup) -> None:
+    """Half of the inertia behind 160 Hz: a rigid axis has 25.8 deg, this one -18."""
+    body = ball_screw.stage.mechanics
+    soft = body._replace(transmission=body.transmission._replace(load_share=0.5, resonance=160.0))
+    with refused(design.DesignError, key="control.bandwidth", value="40 Hz") as caught:
+        design.design(ball_screw.stage._replace(mechanics=soft), ball_screw.file.control)
+    assert math.degrees(caught.value.phase) == pytest.approx(-18.1, abs=0.1)
+
+
 def test_the_default_margin_is_twenty_degrees() -> None:
     assert design.Control(5e-4, 40.0).margin == math.radians(20.0)
 

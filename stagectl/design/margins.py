@@ -1,7 +1,7 @@
 """The loop as it runs, and how far it is from instability.
 
-Tustin's PID or the cascade at the control period, the plant under zero-order hold with its current loop, nd + nm
-whole periods of delay, and the disturbance observer where there is one.
+Tustin's PID or the cascade at the control period, the plant under zero-order hold with its current loop, its load
+behind a spring and its base on feet, nd + nm whole periods of delay, and the disturbance observer where there is one.
 
 Transfer functions are polynomials in ``w = z - 1``.  The poles of a slow loop all lie near z = 1: in powers of z they
 are differences of numbers that agree to all their digits, in powers of w they are not.
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from stagectl.design.constants import FREQUENCIES, LOWEST, SHORTEST_LAG
 from stagectl.design.control import Feedback, computable
-from stagectl.kernels import cascade, feedback, observer, stage
+from stagectl.kernels import cascade, feedback, observer, stage, transmission
+from stagectl.kernels.constants import FIRST_ORDER
 
 
 class Margins(NamedTuple):
@@ -71,20 +72,48 @@ def limit_cycle_frequency(
     return float(abs(np.angle(worst))) / (2.0 * np.pi * dt) if abs(worst) >= 1.0 else None
 
 
-def _sampled(p: stage.Stage, dt: float, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Change of (position, velocity, current) in a period under zero-order hold; `held`: by friction.
+def _rates(p: stage.Stage, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rate of the plant's state, (position, velocity, ..., current), by the state (n, n), and by the command (n,).
 
-    Returns it by the state (n, n), and by the command (n,).  As ``A dt phi(A dt)`` with ``phi(x) = (exp(x) - 1) / x``:
-    no digit is lost in a short period.
+    `held`: by friction.  Load and base are in it, as `kernels.transmission` moves them, without the load's gap.
     """
-    lag = max(p.drive.current_lag, SHORTEST_LAG)
+    x, v, bend, bending, foot, recoiling, current, rate = np.eye(8)
+    c, m = transmission.coefficients(p.mechanics, 0.0, 1.0), p.mechanics
     spring, damping = (stage.stiffness(p.friction), p.friction.bristle.damping) if held else (0.0, 0.0)
-    rates = -np.array([spring, p.mechanics.viscous + damping, -p.motor.force_constant]) / p.mechanics.inertia
-    a = dt * np.array([[0, 1, 0, 0], [*rates, 0], [0, 0, -1 / lag, 1 / lag], [0, 0, 0, 0]])
+    rubbing = spring * (x + c.share * bend) + (m.viscous + damping) * (v + c.share * bending)
+    carried, mu = -c.spring * bend - c.damper * bending, c.base[0]
+    motor = (p.motor.force_constant * current - carried - (1.0 - c.share) * rubbing) / c.motor
+    load = (carried - c.share * rubbing) / c.load if c.load > 0.0 else motor
+    recoil = -mu * (c.motor * motor + c.load * load) / m.inertia - c.base[1] * foot - c.base[2] * recoiling
+    by_current, by_command = _current_loop(p.drive, current, rate)
+    rates = np.stack([v, motor - recoil, bending, load - motor, recoiling, recoil, *by_current])
+    loaded, second = c.load > 0.0, p.drive.current_damping < FIRST_ORDER
+    there = np.flatnonzero([True, True, loaded, loaded, mu > 0.0, mu > 0.0, True, second])
+    return rates[np.ix_(there, there)], (1.0 + p.drive.gain) * by_command[there]
+
+
+def _current_loop(p: stage.Drive, current: NDArray[Any], rate: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Rates of the current and of its rate, (2, 8) by the state and (8,) by the command, from their own two rows."""
+    lag = max(p.current_lag, SHORTEST_LAG)
+    if p.current_damping >= FIRST_ORDER:
+        return np.stack([-current / lag, 0.0 * rate]), current / lag
+    stiffness = (2.0 * p.current_damping / lag) ** 2
+    return np.stack([rate, -stiffness * (current + lag * rate)]), stiffness * rate
+
+
+def _sampled(p: stage.Stage, dt: float, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Change of the plant's state in a period under zero-order hold, by the state (n, n) and by the command (n,).
+
+    As ``A dt phi(A dt)`` with ``phi(x) = (exp(x) - 1) / x``: no digit is lost in a short period.
+    """
+    by_state, by_command = _rates(p, held)
+    n = len(by_command)
+    a = np.zeros((n + 1, n + 1))
+    a[:n, :n], a[:n, n] = dt * by_state, dt * by_command
     from scipy.linalg import expm  # of a quarter of a second, which a command that designs nothing need not wait for
 
-    change = a @ expm(np.block([[a, np.eye(4)], [np.zeros((4, 8))]]))[:4, 4:]
-    return change[:3, :3], change[:3, 3]
+    change = a @ expm(np.block([[a, np.eye(n + 1)], [np.zeros((n + 1, 2 * n + 2))]]))[: n + 1, n + 1 :]
+    return change[:n, :n], change[:n, n]
 
 
 class Rational(NamedTuple):
