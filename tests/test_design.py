@@ -210,6 +210,16 @@ def test_a_slow_loop_is_as_stable_at_a_high_rate(ball_screw: Setup, hertz: float
     assert phases[1] == pytest.approx(phases[0], abs=1.5)
 
 
+def test_the_slowest_loop_at_the_highest_rate_has_its_margin(ball_screw: Setup) -> None:
+    """0.05 Hz at 100 kHz, no damping: the continuous loop's 43.5 deg at 1.45 times the bandwidth; not found before."""
+    body = ball_screw.stage.mechanics._replace(viscous=0.0)
+    p, control = ball_screw.stage._replace(mechanics=body), controlled(ball_screw, 0.05, 1e-5)
+    reached = design.margins(p, design.gains(p, control), 1e-5)
+    assert reached.stable
+    assert math.degrees(reached.phase) == pytest.approx(43.54, abs=0.02)
+    assert reached.crossover == pytest.approx(1.451 * 0.05, rel=1e-3)
+
+
 @pytest.mark.parametrize("number", range(24))
 def test_load_base_and_current_loop_are_in_the_margin(ball_screw: Setup, number: int) -> None:
     """As unstable as the simulation is: a load behind a spring, a base on its feet, a current loop that overshoots."""
