@@ -104,7 +104,8 @@ def check_open(setup: Setup, currents: NDArray[np.float64]) -> None:
     """No loop holds an axis that a current moves: the model predicts where it would go."""
     p, limits, axis = setup.stage, setup.file.limits, setup.file.axis
     # One call for the whole motion: an interrupt between thousands of compiled ones has crashed the interpreter.
-    low, high, speed = rollout.carried(p, stage.at_rest(p), table(currents), setup.dt)
+    steps = stage.steps_that_hold(p, setup.dt, 1)
+    low, high, speed = rollout.carried(p, stage.at_rest(p), table(currents), setup.dt, steps)
     scale, unit = axis.travel_per_unit, axis.travel_unit
     remedy = "lower the amplitude or raise the frequency"
     if low < limits.travel[0] or high > limits.travel[1]:

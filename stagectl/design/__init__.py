@@ -22,7 +22,16 @@ from stagectl.design.control import (
     slower,
     speed,
 )
-from stagectl.design.margins import Margins, Rational, compensator, limit_cycle_frequency, margins, plant, with_observer
+from stagectl.design.margins import (
+    Margins,
+    Rational,
+    compensator,
+    limit_cycle_frequency,
+    margins,
+    plant,
+    settles,
+    with_observer,
+)
 from stagectl.kernels import feedback, feedforward, law, observer, stage, unloading
 from stagectl.problem import Problem, ProblemKind
 
@@ -49,6 +58,7 @@ __all__ = [
     "margins",
     "observer_bandwidth",
     "plant",
+    "settles",
     "speed",
     "with_observer",
 ]

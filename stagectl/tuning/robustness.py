@@ -113,7 +113,7 @@ def _parts(designed: cascade.Cascade, whole: Rational, watching: observer.Observ
 
 def _differenced(plant: Rational, inner: Rational) -> tuple[Rational, Rational]:
     """Plant and path of the velocity loop: the difference cancels the integrator from velocity to position."""
-    integrator = np.array([1.0, -1.0])
+    integrator = np.array([1.0, 0.0])
     velocity = Rational(plant.numerator, np.polydiv(plant.denominator, integrator)[0])
     return velocity, Rational(np.polydiv(inner.numerator, integrator)[0], inner.denominator)
 
@@ -200,7 +200,7 @@ def _lowest(function: Callable[[float], float], f: Array, k: int) -> Peak:
 
 def stable(loop: Loop) -> bool:
     """Whether all poles of the closed loop lie inside the unit circle."""
-    return bool(np.max(np.abs(np.roots(characteristic(loop)))) < 1.0)
+    return design.settles(characteristic(loop))
 
 
 def characteristic(loop: Loop) -> NDArray[Any]:
@@ -235,12 +235,17 @@ def _passes(function: Callable[[Any], Any], frequency: Array) -> float:
 
 def stepped(response: Loop, length: int) -> Array:
     """Measured position (length,) for a step of the target by 1 at the first sample."""
-    numerator = np.polymul(response.plant.numerator, response.cut.numerator)
+    numerator = _in_z(np.polymul(response.plant.numerator, response.cut.numerator))
     # The target's path and the feedback share their denominator, so the closed loop's poles are those of the feedback.
-    poles = characteristic(Loop(response.plant, response.closed, NOTHING, response.dt))
+    poles = _in_z(characteristic(Loop(response.plant, response.closed, NOTHING, response.dt)))
     late = np.concatenate([np.zeros(len(poles) - len(numerator)), numerator])
     position: Array = lfilter(late / poles[0], poles / poles[0], np.ones(length))
     return position
+
+
+def _in_z(polynomial: NDArray[Any]) -> NDArray[Any]:
+    """Coefficients of a polynomial in ``w = z - 1`` by powers of z."""
+    return np.asarray(np.poly1d(polynomial)(np.poly1d([1.0, -1.0])).coeffs)
 
 
 def stiffness(p: stage.Stage, loop: Loop, frequency: Any) -> Any:

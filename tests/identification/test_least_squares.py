@@ -77,6 +77,20 @@ def made(noise: float = 0.0, seed: int = 1) -> Record:
     )
 
 
+@pytest.mark.parametrize("frequency", [1.0, 2.0, 3.0])
+def test_a_slow_log_biases_no_inertia(frequency: float) -> None:
+    """Two sines logged at 100 Hz: with central differences the inertia was 0.14, 0.5 and 1.2 % too large."""
+    time = np.arange(2000) * 0.01
+    turns = 2.0 * np.pi * frequency * np.array([1.0, 0.37])
+    a, v, x = (
+        sum(size * w**order * wave(w * time) for size, w in zip((0.5, 0.1), turns, strict=True))
+        for order, wave in ((2, lambda turned: -np.sin(turned)), (1, np.cos), (0, np.sin))
+    )
+    force = np.column_stack([a, v, np.sign(v), np.ones(len(time))]) @ np.array(TRUE)
+    force += np.random.default_rng(1).normal(0.0, 0.02 * TRUE[2], len(time))
+    assert least_squares(x, force, 0.01).inertia.value == pytest.approx(TRUE[0], rel=5e-4)
+
+
 @pytest.mark.parametrize(
     ("name", "value", "within"),
     [

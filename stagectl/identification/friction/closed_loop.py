@@ -98,7 +98,9 @@ def errors(run: Simulated, capture: Capture) -> SimulationErrors:
 def motion(position: Array, capture: Capture) -> FilteredMotion:
     """Position (n,), velocity and acceleration by the errors' own filter."""
     cutoff = min(thresholds.ERROR_CUTOFF, 0.4 / capture.dt)
-    return filtered_motion(position, FilterDesign(cutoff, 1, capture.dt))
+    smooth = filtered_motion(position, FilterDesign(cutoff, 1, capture.dt)).position
+    velocity = np.gradient(smooth, capture.dt)
+    return FilteredMotion(smooth, velocity, np.gradient(velocity, capture.dt))
 
 
 def _percent(simulated: Array, recorded: Array) -> float:
