@@ -174,7 +174,9 @@ class Axis(AxisData):
     def _stopping(self) -> None:
         """Until it stands; a drive that does not answer stops by its own time-outs, and is given up."""
         stands = self.still.stands(self.seen.position)
-        if self.seen.fault in GONE:
+        if self.seen.fault not in GONE:
+            self.lost = _NAN
+        else:
             self.lost = self.now() if math.isnan(self.lost) else self.lost
             stands = self.now() - self.lost > _LOST_TIME
         if stands:
