@@ -136,3 +136,20 @@ def test_a_brake_on_an_output_holds(upright: Setup, end: Callable[[Bench], None]
     assert bench.rig.node.axis.brake.free == power
     assert abs(bench.rig.seen.velocity) < 1e-3
     assert bench.dropped(since) <= DROP
+
+
+@pytest.mark.parametrize("reset", ["none", "communication", "node"])
+def test_a_new_controller_sets_the_brake_before_it_takes_the_power(upright: Setup, reset: str) -> None:
+    """The drive holds the axis that its controller has left; the next one must not let it drop."""
+    holding = upright.with_wire(start_up=(StartUp(0x605A00, 6),), reset=reset)
+    bench = Bench(holding.having(brake=Brake("output", 0.03, ENGAGE)), False)
+    bench.to_motion()
+    since = len(bench.rig.trace)
+    bench.rig.node.axis.restart = bench.rig.node.axis.power_cycled  # type: ignore[method-assign]  # moves no machine
+    let_go(bench)
+    assert bench.rig.seen.powered and bench.rig.node.axis.brake.free
+    drive = bench.rig.connect()
+    bench.rig.time.sleep(1.0)
+    assert "stopped, and its power cut" in drive.describe()["found under power"]
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import cast
 
+from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.boot_up import BootUp, take_power
@@ -49,13 +50,14 @@ class DriveConfiguration:
         clock: Clock = WALL,
         limits: AxisLimits = UNKNOWN_AXIS,
         homing: Homing = NO_HOMING,
+        brake: Brake = NO_BRAKE,
     ) -> None:
         """The drive on `bus`: one count of its position is `encoder_step` (rad | m), the period `dt` (s).
 
         Objects that follow from `limits` are left alone where nothing is known of the axis.  Raises DriveError.
         """
         self._settings, self._step, self._dt = settings, encoder_step, dt
-        self._limits, self._clock, self._homing = limits, clock, homing
+        self._limits, self._clock, self._homing, self._brake = limits, clock, homing, brake
         od = load_eds(settings.eds, settings.node)
         self._node = PumpedNode(settings.node, od, bus, clock)
         self._wished = [
@@ -103,13 +105,13 @@ class DriveConfiguration:
 
     def _configure(self) -> None:
         network, objects, s = cast(PumpedNetwork, self._node.network), self.objects, self._settings
-        kind, boot = BootUp(objects, network, self._clock).run()
+        kind, boot = BootUp(objects, network, self._clock).run(self._take_power)
         check_profile(kind, s.node)
         servo = "servo drive" if kind & cia402.SERVO_DRIVE else "not marked as servo drive"
         self.description["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
         self.description["boot-up message"] = boot
         identify(objects, self.description)
-        take_power(objects, self._clock, self.description)
+        self._take_power()
         self._check_rated_current()
         self._check_mode()
         self.rpdo = PdoSetup(objects, RPDO).run(self._wished[0], milliseconds(s.rpdo_timeout))
@@ -123,6 +125,9 @@ class DriveConfiguration:
         self._set_mode()
         self._node.nmt.send_command(cia402.NMT_START)
         objects.verify()
+
+    def _take_power(self) -> None:
+        take_power(self.objects, self._clock, self.description, self._brake)
 
     def _check_rated_current(self) -> None:
         s = self._settings

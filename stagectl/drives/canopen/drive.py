@@ -17,6 +17,7 @@ import math
 from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import SYNC, Bus, frame
 from stagectl.drives.canopen import cia402, fault_texts
+from stagectl.drives.canopen.boot_up import set_brake
 from stagectl.drives.canopen.braking_monitor import (
     FAILURE_TEXTS,
     BrakingFailure,
@@ -77,7 +78,7 @@ class CanopenDrive:
         self._closed = self._walking = self._silent = False  # on the way to power; no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = DriveConfiguration(settings, bus, encoder_step, dt, clock, limits, homing)
+        setup = DriveConfiguration(settings, bus, encoder_step, dt, clock, limits, homing, brake)
         setup.run()
         self._description, self._protection = setup.description, setup.protection
         self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
@@ -94,8 +95,7 @@ class CanopenDrive:
         self.position = lambda: setup.objects.position(encoder_step)
         if brake.control == "output":
             check_output_brake(setup.objects, self._description)
-            for subindex in (1, 2):  # set, before any power; the mask
-                setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, subindex)
+            set_brake(setup.objects)  # before any power
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
