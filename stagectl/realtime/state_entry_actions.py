@@ -97,11 +97,13 @@ def _braking(axis: AxisData, _: State) -> None:
     axis.brake()
 
 
-def _engaging(axis: AxisData, _: State) -> Event | None:
+def _engaging(axis: AxisData, old: State) -> Event | None:
     """Hold under power until the brake holds; without a brake there is nothing to wait for."""
     axis.since = axis.cycles
     if not axis.p.brake.present:
         return Event.DONE
+    if old is State.ENABLING:  # its brake may be released already
+        axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.p.holding)
     _ask(axis, Power.ENGAGE)
     return None
 

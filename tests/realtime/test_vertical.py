@@ -153,3 +153,40 @@ def test_a_new_controller_sets_the_brake_before_it_takes_the_power(upright: Setu
     assert "stopped, and its power cut" in drive.describe()["found under power"]
     assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
     assert bench.dropped(since) <= DROP
+
+
+def worked_by_us(setup: Setup, release: float) -> Bench:
+    """An axis whose brake opens 30 ms after the order, and may move after `release` (s)."""
+    holding = setup.with_wire(start_up=(StartUp(0x605A00, 6),))
+    bench = Bench(holding.having(brake=Brake("output", release, 4 * ENGAGE)), False)
+    bench.rig.node.axis.brake._p = Brake("output", 0.03, 4 * ENGAGE)
+    return bench
+
+
+@pytest.mark.parametrize("order", [Event.STOP, Event.QUICK_STOP, Event.DISABLE])
+def test_a_stop_while_its_brake_is_released_lets_the_brake_hold_again_first(upright: Setup, order: Event) -> None:
+    bench = worked_by_us(upright, release=0.3)
+    bench.run(lambda: bench.rig.node.axis.brake.free)
+    assert bench.axis.state is State.ENABLING
+    since = len(bench.rig.trace)
+    assert bench.axis.happen(order)
+    bench.run(lambda: bench.axis.state is State.DISABLED)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+def test_nobody_gives_orders_any_more_while_its_brake_engages(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.axis.state = State.STANDING
+    since = len(bench.rig.trace)
+    bench.axis.happen(Event.DISABLE)
+    bench.loop.period()
+    bench.run(bench.loop.abandon)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert bench.axis.state is State.DISABLED
+    assert not bench.rig.seen.powered
+    assert bench.dropped(since) <= DROP
