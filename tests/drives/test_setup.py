@@ -346,6 +346,17 @@ def test_a_persons_objects_are_written_and_must_hold(scene: Scene) -> None:
     assert (error.place, error.object_key, error.value) == ("drive.wire.start_up", 0x606500, 5000)
 
 
+@pytest.mark.parametrize(("key", "value"), [(0x600700, 0), (0x608500, 7), (0x101601, 0), (0x140005, 0)])
+def test_a_persons_objects_do_not_undo_the_protection(scene: Scene, key: int, value: int) -> None:
+    error = refused(scene, start_up=(StartUp(key, value),))
+    assert (error.place, error.object_key) == ("drive.wire.start_up", key)
+    assert scene.number(key) != value
+
+
+def test_the_protection_is_described_as_a_persons_objects_leave_it(scene: Scene) -> None:
+    assert "coasts" in scene.drive(start_up=(StartUp(0x605A00, 0),)).describe()["protection"]
+
+
 def test_a_set_up_that_is_lost_without_a_boot_up_message_is_found_out(scene: Scene) -> None:
     """Once: it is set up again.  Always: refused."""
     manage = scene.node._manage

@@ -15,7 +15,7 @@ from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.boot_up import BootUp, take_power
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
-from stagectl.drives.canopen.object_rules import Wishes, obey
+from stagectl.drives.canopen.object_rules import Wishes, check_start_up, obey
 from stagectl.drives.canopen.pdo import RPDO, TPDO, CommandPdo, FeedbackPdo, PdoMap, wished
 from stagectl.drives.canopen.pdo_setup import PdoSetup
 from stagectl.drives.canopen.protection import NOT_OFFERED, Protection, Supervision, milliseconds
@@ -117,11 +117,12 @@ class DriveConfiguration:
         self.rpdo = PdoSetup(objects, RPDO).run(self._wished[0], milliseconds(s.rpdo_timeout))
         self.tpdo = PdoSetup(objects, TPDO).run(self._wished[1])
         self._describe_maps()
-        self._set_ramp()
-        self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)
-        self._describe_options()
         wishes = Wishes(s, self._limits, self._step, self._dt, objects.offered, self._homing)
         obey(objects, wishes, self.description)
+        self._set_ramp()
+        self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)
+        check_start_up(objects, s)
+        self._describe_options()
         self._set_mode()
         self._node.nmt.send_command(cia402.NMT_START)
         objects.verify()
