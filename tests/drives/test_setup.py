@@ -357,6 +357,22 @@ def test_the_protection_is_described_as_a_persons_objects_leave_it(scene: Scene)
     assert "coasts" in scene.drive(start_up=(StartUp(0x605A00, 0),)).describe()["protection"]
 
 
+def test_an_object_that_is_shorter_than_the_eds_says_is_refused_by_name(scene: Scene) -> None:
+    get: Any = scene.node.objects.node.get_data
+    short: Any = lambda index, *rest, **more: b"\x01" if index == 0x6075 else get(index, *rest, **more)  # noqa: E731
+    scene.node.objects.node.get_data = short
+    assert refused(scene).object_key == 0x607500
+
+
+@pytest.mark.parametrize("length", [1, 4, 5])
+def test_sdo_answers_cut_short_end_in_a_refusal(scene: Scene, length: int) -> None:
+    """The real-time process lives and says what is wrong."""
+    send: Any = scene.node._bus.send
+    cut: Any = lambda raw: send(frame(parse(raw)[0], parse(raw)[1][:length]) if parse(raw)[0] == 0x585 else raw)  # noqa: E731
+    scene.node._bus.send = cut
+    refused(scene)
+
+
 def test_a_set_up_that_is_lost_without_a_boot_up_message_is_found_out(scene: Scene) -> None:
     """Once: it is set up again.  Always: refused."""
     manage = scene.node._manage
