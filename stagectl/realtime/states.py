@@ -8,7 +8,7 @@
                            FAULT <--failed-- QUICK_STOPPING, COASTING <--- a fault, by its stop category
 
 HOMING --delegated--> DRIVE_HOMING --done--> STANDING: the drive finds its home itself; a stop is then its quick stop.
-STANDING --disable--> ENGAGING --done--> DISABLED: where there is a brake, it holds before power goes; from ENABLING, too.
+STANDING --disable--> ENGAGING --done--> DISABLED: where there is a brake, it holds before power goes (ENABLING, too).
 A drive that is found in Fault leads from CONNECTING to FAULT: faults are reset by a person.
 
 An event that is not in a state's row is an order that cannot be given there; faults are in every row.
