@@ -21,7 +21,7 @@ def take_stops(axis: Axis) -> None:
 
 
 def give_up(axis: Axis, fault: Fault) -> None:
-    """Stop an axis for a `fault` that is not its own, by the drive's ramp; as power comes or goes its brake holds it."""
+    """Stop an axis for a `fault` that is not its own, by the drive's ramp; by its brake as its power comes or goes."""
     if axis.p.brake.present and axis.state in (State.ENABLING, State.ENGAGING):
         axis.happen(Event.DISABLE)
     elif axis.powered:

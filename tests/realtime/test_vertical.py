@@ -190,3 +190,32 @@ def test_nobody_gives_orders_any_more_while_its_brake_engages(upright: Setup) ->
     assert bench.axis.state is State.DISABLED
     assert not bench.rig.seen.powered
     assert bench.dropped(since) <= DROP
+
+
+def test_an_order_to_the_brake_that_is_lost_is_given_again_before_power_goes(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    since, sent, lost = len(bench.rig.trace), bench.rig.ours.send, []
+
+    def send(raw: bytes) -> None:
+        if raw[0:2] == b"\x05\x06" and raw[9:12] == b"\xfe\x60\x01" and not lost:  # SDO to node 5: 0x60FE:01
+            lost.append(raw)
+        else:
+            sent(raw)
+
+    bench.rig.ours.send = send  # type: ignore[method-assign]
+    switched_off(bench)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert lost and not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+def test_a_brake_does_not_stay_released_where_power_goes_before_the_axis_may_move(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.3)
+    bench.run(lambda: bench.rig.node.axis.brake.free)
+    assert bench.axis.state is State.ENABLING
+    bench.rig.node.axis.open_sto()
+    began = bench.rig.time.now()
+    bench.run(lambda: not bench.rig.node.axis.brake.free)
+    assert bench.rig.time.now() - began <= 4 * ENGAGE + 0.01  # no sooner can it hold

@@ -38,7 +38,7 @@ class BootUp:
         self._settings, self._node = objects.settings, objects.node
 
     def run(self, take: Callable[[], None]) -> tuple[int, str]:
-        """Device type (0x1000), and what was seen of the boot, in words; a reset comes after `take`.  Raises DriveError."""
+        """Device type (0x1000), and the boot in words; `take` takes its power before a reset.  Raises DriveError."""
         began, seen = self._now(), "not awaited: no reset was asked for"
         for _ in range(BACKLOG):  # a boot-up message of before is none of the drive's later on
             if not self._network.pump(0.0):

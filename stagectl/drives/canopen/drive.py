@@ -166,7 +166,8 @@ class CanopenDrive:
 
     def _stopping(self, state: DriveState) -> None:
         """One period without power, or on the way there; a drive that stays in operation is told again, by SDO."""
-        self._walk.wait()
+        if self._walk.wait():
+            self._brake.engage()
         word = self._walk.controlword
         if self._unheard.certain(state is _OPERATION_ENABLED and word & 0x0F != _ENABLED_WORD):
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
@@ -267,6 +268,7 @@ class CanopenDrive:
     def _walked(self, now: Feedback) -> Feedback:
         """A step towards Operation enabled; once there, no fault later leads there again by itself."""
         state = self._walk.step(now)
+        self._brake.watch(state is DriveState.OPERATION_ENABLED)
         self._mode.shown()
         self._reports.proving = now.fault is Fault.NONE and not self._reports.watch.mode_shown
         proven = self._walk.certain and self._reports.watch.mode_shown and self._reports.watch.learned
