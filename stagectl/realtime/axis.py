@@ -114,10 +114,11 @@ class Axis(AxisData):
             return self._held()
         self.rest()
         jump = safety.leap(self.limits, self.seen.position - self.asked.reference, passed * self.dt)
+        self.watch = safety.cooled(self.limits, self.watch, self.seen.current, passed * self.dt)
         self.current, self.output = 0.0, NO_OUTPUT
         self.asked, self.speed = held(self.seen.position, 0.0), 0.0
         if self.state is _DRIVE_HOMING:
-            return self.delegated.judge(self.limits, self.seen, passed * self.dt, self._elapsed())
+            return self.delegated.judge(self.limits, self.seen, self.watch.heat, passed * self.dt, self._elapsed())
         fault = self.seen.fault
         if jump is not _NONE:
             self.lose_origin("the position jumped while the axis had no power")

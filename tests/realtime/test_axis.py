@@ -403,6 +403,23 @@ def test_the_drives_search_ends_at_its_distance(ball_screw: Setup, moved: float,
     assert (bench.axis.state is State.DRIVE_HOMING) is (fault is Fault.NONE)
 
 
+def test_the_motor_cools_down_without_power_and_warms_up_in_the_drives_search(ball_screw: Setup) -> None:
+    limits = ball_screw.file.limits._replace(continuous_current=5.0, thermal_time=1.0)
+    bench = Bench(ball_screw.having(limits=limits), BY_DRIVE)
+    bench.to(State.DISABLED)
+    bench.axis.watch = bench.axis.watch._replace(heat=25.0)
+    bench.run(round(3.0 / bench.axis.dt))
+    assert bench.axis.watch.heat == pytest.approx(25.0 * math.exp(-3.0), rel=1e-2)
+    assert bench.order(Order(Event.ENABLE))
+    bench.until(State.STANDING)
+    assert bench.order(Order(Event.HOME))
+    bench.axis.now = lambda: bench.axis.entered
+    sample = bench.drive.sample
+    bench.drive.sample = lambda: sample()._replace(current=8.0)  # type: ignore[method-assign]
+    bench.run(round(3.0 / bench.axis.dt))
+    assert bench.axis.fault is Fault.OVERLOAD
+
+
 def test_the_drives_search_ends_at_its_time(ball_screw: Setup) -> None:
     bench = Bench(ball_screw, BY_DRIVE)
     bench.to(State.DRIVE_HOMING)
