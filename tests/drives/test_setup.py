@@ -135,6 +135,18 @@ def test_the_reaction_becomes_a_quick_stop(scene: Scene, code: int) -> None:
     assert scene.number(0x600700) == 3
 
 
+@pytest.mark.parametrize("option", [1, 5])
+def test_a_quick_stop_goes_by_the_ramp_that_is_set(scene: Scene, option: int) -> None:
+    """Or else neither its length nor that of a stop without a controller would be what is claimed."""
+    scene.store(0x605A00, option, 2)
+    scene.refuses.read_only.add(0x605A00)
+    error = refused(scene)
+    assert (error.object_key, error.value) == (0x605A00, option)
+    scene.refuses.read_only.clear()
+    assert "brakes by its ramp" in scene.drive().describe()["protection"]
+    assert scene.number(0x605A00) == option + 1
+
+
 def test_a_person_may_want_another_reaction(scene: Scene) -> None:
     scene.drive(start_up=(StartUp(0x600700, 2),))
     assert scene.number(0x600700) == 2
