@@ -53,6 +53,7 @@ def _without_power(axis: AxisData, _: State) -> None:
 
 def _enabling(axis: AxisData, _: State) -> None:
     axis.since, axis.fault, axis.judged = axis.cycles, Fault.NONE, ""
+    axis.start = axis.seen.position
     axis.asked = held(axis.seen.position, 0.0)  # a jump counts from here, not from before a new connection
     _ask(axis, Power.ON)
 

@@ -370,18 +370,20 @@ def test_the_protection_is_described_as_a_persons_objects_leave_it(scene: Scene)
 
 
 def test_an_object_that_is_shorter_than_the_eds_says_is_refused_by_name(scene: Scene) -> None:
-    get: Any = scene.node.objects.node.get_data
+    local: Any = scene.node.objects.node
+    get = local.get_data
     short: Any = lambda index, *rest, **more: b"\x01" if index == 0x6075 else get(index, *rest, **more)  # noqa: E731
-    scene.node.objects.node.get_data = short
+    local.get_data = short
     assert refused(scene).object_key == 0x607500
 
 
 @pytest.mark.parametrize("length", [1, 4, 5])
 def test_sdo_answers_cut_short_end_in_a_refusal(scene: Scene, length: int) -> None:
     """The real-time process lives and says what is wrong."""
-    send: Any = scene.node._bus.send
+    bus: Any = scene.node._bus
+    send = bus.send
     cut: Any = lambda raw: send(frame(parse(raw)[0], parse(raw)[1][:length]) if parse(raw)[0] == 0x585 else raw)  # noqa: E731
-    scene.node._bus.send = cut
+    bus.send = cut
     refused(scene)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import Brake
-from stagectl.drives.drive import StartUp
+from stagectl.drives.drive import Fault, StartUp
 from stagectl.realtime.states import Event, State
 from stagectl.selftest.rig import usual
 from tests.single_motion import SingleMotion
@@ -155,10 +155,10 @@ def test_a_new_controller_sets_the_brake_before_it_takes_the_power(upright: Setu
     assert bench.dropped(since) <= DROP
 
 
-def worked_by_us(setup: Setup, release: float) -> Bench:
+def worked_by_us(setup: Setup, release: float, holding: float | None = None) -> Bench:
     """An axis whose brake opens 30 ms after the order, and may move after `release` (s)."""
-    holding = setup.with_wire(start_up=(StartUp(0x605A00, 6),))
-    bench = Bench(holding.having(brake=Brake("output", release, 4 * ENGAGE)), False)
+    stays = setup.with_wire(start_up=(StartUp(0x605A00, 6),))
+    bench = Bench(stays.having(brake=Brake("output", release, 4 * ENGAGE, holding)), False)
     bench.rig.node.axis.brake._p = Brake("output", 0.03, 4 * ENGAGE)
     return bench
 
@@ -219,3 +219,17 @@ def test_a_brake_does_not_stay_released_where_power_goes_before_the_axis_may_mov
     began = bench.rig.time.now()
     bench.run(lambda: not bench.rig.node.axis.brake.free)
     assert bench.rig.time.now() - began <= 4 * ENGAGE + 0.01  # no sooner can it hold
+
+
+def test_an_axis_that_its_holding_current_does_not_carry_loses_its_power_within_the_following_error(
+    upright: Setup,
+) -> None:
+    bench = worked_by_us(upright, release=0.5, holding=-8.0)  # of the wrong sign
+    bench.run(lambda: bench.axis.state is not State.ENABLING)
+    assert (bench.axis.state, bench.axis.fault) == (State.FAULT, Fault.FOLLOWING_ERROR)
+    assert "brake.holding_current" in bench.axis.board.words
+    limit = upright.file.limits.following_error
+    assert abs(bench.rig.seen.position) < 3.0 * limit
+    for _ in range(1000):
+        bench.loop.period()
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
