@@ -472,6 +472,6 @@ def test_a_drive_that_is_not_opened_leaves_the_bus(
     monkeypatch.setattr(canopen_drive, "CanopenDrive", fail)
     opening = drive_opening.Opening(True)
     with pytest.raises(type(error)):
-        opening.drive(post.axes[0]._replace(wire=ball_screw.file.drive.wire))
+        opening.drive(post.axes[0]._replace(wire=ball_screw.canopen))
     opening.close()
     assert bus.closed
