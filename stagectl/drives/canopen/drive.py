@@ -69,8 +69,7 @@ class CanopenDrive:
         object that the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
-        self._clock, self._pace = clock, SpeedEstimate(dt)
-        self._now = clock.now
+        self._clock, self._now, self._pace = clock, clock.now, SpeedEstimate(dt)
         self._walk = PowerTransition(Power.OFF, self._standstill())
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
