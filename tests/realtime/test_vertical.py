@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any, cast
 
 import pytest
 
@@ -195,7 +196,9 @@ def test_nobody_gives_orders_any_more_while_its_brake_engages(upright: Setup) ->
 def test_an_order_to_the_brake_that_is_lost_is_given_again_before_power_goes(upright: Setup) -> None:
     bench = worked_by_us(upright, release=0.03)
     bench.to_motion()
-    since, sent, lost = len(bench.rig.trace), bench.rig.ours.send, []
+    since, ours = len(bench.rig.trace), cast(Any, bench.rig.ours)
+    sent: Callable[[bytes], None] = ours.send
+    lost: list[bytes] = []
 
     def send(raw: bytes) -> None:
         if raw[0:2] == b"\x05\x06" and raw[9:12] == b"\xfe\x60\x01" and not lost:  # SDO to node 5: 0x60FE:01
@@ -203,7 +206,7 @@ def test_an_order_to_the_brake_that_is_lost_is_given_again_before_power_goes(upr
         else:
             sent(raw)
 
-    bench.rig.ours.send = send  # type: ignore[method-assign]
+    ours.send = send
     switched_off(bench)
     bench.loop.leave()
     bench.rig.time.sleep(1.0)

@@ -152,7 +152,8 @@ def test_a_stop_ends_an_enabling_whose_drive_is_still_being_configured(bench: Be
 def test_of_moves_that_begin_together_none_waits_for_a_later_one(ball_screw: Setup, tmp_path: Path) -> None:
     """A stop of y alone ends both; x must not begin its old move when y begins the next."""
     bench = Bench(ball_screw, tmp_path, "y")
-    order = bench.orderly.service.order
+    service: Any = bench.orderly.service
+    order = service.order
 
     async def both(x: str, y: str) -> None:
         await bench.orderly.move({"axis": x, "y": y}, {}, CALM, True)
@@ -163,10 +164,10 @@ def test_of_moves_that_begin_together_none_waits_for_a_later_one(ball_screw: Set
         await order(axis, given)
 
     async def twice() -> None:
-        bench.orderly.service.order = stopped_in_between  # type: ignore[method-assign]
+        service.order = stopped_in_between
         with pytest.raises(ServiceError, match="stopped before it began"):
             await both("2 mm", "1 mm")
-        bench.orderly.service.order = order  # type: ignore[method-assign]
+        service.order = order
         await both("-1 mm", "-2 mm")
 
     assert bench.serve(twice()) == [None]
