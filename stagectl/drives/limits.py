@@ -15,6 +15,7 @@ RESET_HOLD = 0.3  # s; chosen; bit 7 stays so long at most: drives were met that
 RESET_PAUSE = 0.1  # s; chosen; between two edges of bit 7
 RESET_EDGES = 3  # edges; chosen; a fault that survives them has a cause that is still there
 TORQUE_TIME = 0.01  # s; chosen; from Operation enabled to the release of a brake: the current must be there
+BRAKE_REPEAT_CYCLES = 20  # cycles; chosen; between two orders to a brake that engages, by SDO: a cycle may lack room
 CERTAIN_FAULT_CYCLES = 3  # cycles; chosen; state Fault lasts so long before power is given up
 STANDSTILL_CYCLES = 100  # cycles; chosen; without motion for so long, the axis stands still
 STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which an axis counts as standing

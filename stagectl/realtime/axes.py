@@ -106,8 +106,7 @@ class Loop:
     def abandon(self) -> bool:
         """No orders come any more: stop what moves; whether all axes are without power."""
         for axis in self.axes:
-            if axis.powered:
-                axis.happen(Event.RAMP, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
+            order_rules.give_up(axis, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
         return not any(axis.powered for axis in self.axes)
 
     def engage(self) -> None:
@@ -141,9 +140,9 @@ class Loop:
     def _couple(self) -> None:
         faults = [axis.faults for axis in self.axes]
         if faults != self._faults:
-            for axis in self.axes:
-                if axis.powered and axis.fault is Fault.NONE:
-                    axis.happen(Event.RAMP, Fault.PARTNER)
+            for axis, before in zip(self.axes, self._faults, strict=True):
+                if axis.faults == before:
+                    order_rules.give_up(axis, Fault.PARTNER)
             self._faults = [axis.faults for axis in self.axes]
 
     def _interrupt(self) -> None:

@@ -114,10 +114,11 @@ class Axis(AxisData):
             return self._held()
         self.rest()
         jump = safety.leap(self.limits, self.seen.position - self.asked.reference, passed * self.dt)
+        self.watch = safety.cooled(self.limits, self.watch, self.seen.current, passed * self.dt)
         self.current, self.output = 0.0, NO_OUTPUT
         self.asked, self.speed = held(self.seen.position, 0.0), 0.0
         if self.state is _DRIVE_HOMING:
-            return self.delegated.judge(self.limits, self.seen, passed * self.dt, self._elapsed())
+            return self.delegated.judge(self.limits, self.seen, self.watch.heat, passed * self.dt, self._elapsed())
         fault = self.seen.fault
         if jump is not _NONE:
             self.lose_origin("the position jumped while the axis had no power")
@@ -162,7 +163,9 @@ class Axis(AxisData):
             self.hang_up()
 
     def _enabling(self) -> None:
-        if self.seen.fault is Fault.NONE:
+        if self.adrift():
+            self.happen(Event.FAILED, Fault.FOLLOWING_ERROR)
+        elif self.seen.fault is Fault.NONE:
             self.happen(Event.DONE)
         elif self.found_faulty() or self._elapsed() > ENABLE_TIME:
             self.happen(Event.FAILED, Fault.DRIVE_FAULT)
@@ -173,10 +176,9 @@ class Axis(AxisData):
 
     def _stopping(self) -> None:
         """Until it stands; a drive that does not answer stops by its own time-outs, and is given up."""
-        stands = self.still.stands(self.seen.position)
-        if self.seen.fault in GONE:
-            self.lost = self.now() if math.isnan(self.lost) else self.lost
-            stands = self.now() - self.lost > _LOST_TIME
+        gone, now = self.seen.fault in GONE, self.now()
+        self.lost = (now if math.isnan(self.lost) else self.lost) if gone else _NAN
+        stands = now - self.lost > _LOST_TIME if gone else self.still.stands(self.seen.position)
         if stands:
             moved = max(self.cycles - self.since - Standstill.CYCLES, 0)
             self.stopped = StopLength(moved * self.dt, abs(self.seen.position - self.start))

@@ -112,6 +112,14 @@ class AxisData:
         """Whether the axis is held, moves, or is being stopped."""
         return self.state in POWERED or self.state in STOPS_GOING_ON or self.state in _NOT_GOVERNED
 
+    def adrift(self) -> bool:
+        """Whether the axis leaves the place where it got power: as its brake is released no law holds it yet."""
+        limits = self.limits
+        if math.isnan(self.start):  # the first period of a connection
+            self.start = self.seen.position
+        most = 2.0 * (limits.following_error + limits.error_ramp * limits.speed)
+        return self.p.brake.present and abs(self.seen.position - self.start) > most
+
     def show(self, patience: float = 0.0) -> None:
         """The status, for whoever gives the orders; the next one may take `patience` (s)."""
         seen, asked, output, source, watch = self.seen, self.asked, self.output, self.source, self.watch

@@ -46,7 +46,7 @@ class Opening:
         try:
             step, dt = p.stage.encoder.step, p.ramp.dt
             return CanopenDrive(p.wire, bus, step, dt, limits=p.limits, brake=p.brake, homing=p.homing)
-        except StageError:
+        except (StageError, OSError):  # else its port would stay the one that sends SYNC for all
             bus.close()
             raise
 

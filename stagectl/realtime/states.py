@@ -8,7 +8,7 @@
                            FAULT <--failed-- QUICK_STOPPING, COASTING <--- a fault, by its stop category
 
 HOMING --delegated--> DRIVE_HOMING --done--> STANDING: the drive finds its home itself; a stop is then its quick stop.
-STANDING --disable--> ENGAGING --done--> DISABLED: where there is a brake, it holds before power goes.
+STANDING --disable--> ENGAGING --done--> DISABLED: where there is a brake, it holds before power goes (ENABLING, too).
 A drive that is found in Fault leads from CONNECTING to FAULT: faults are reset by a person.
 
 An event that is not in a state's row is an order that cannot be given there; faults are in every row.
@@ -127,7 +127,7 @@ def _table() -> dict[tuple[State, Event], State]:
         gone = s.OFFLINE if still in (s.OFFLINE, s.CONNECTING) else s.FAULT
         table |= {(still, fault): gone for fault in (e.COAST, e.RAMP, e.HOLD)}
         table |= {(still, order): still for order in (e.STOP, e.QUICK_STOP, e.DISABLE) if still is not s.ENABLING}
-    table |= {(s.ENABLING, order): s.DISABLED for order in (e.STOP, e.QUICK_STOP, e.DISABLE)}
+    table |= {(s.ENABLING, order): s.ENGAGING for order in (e.STOP, e.QUICK_STOP, e.DISABLE)}
     return table
 
 

@@ -16,7 +16,7 @@ from stagectl.service.limits import MOTIONS_WAITING, SETTLE
 from stagectl.service.pace import check_pace
 from stagectl.service.planning import Task, Upload
 from stagectl.service.service import Service
-from stagectl.units import UnitError, parse
+from stagectl.units import StageError, UnitError, parse
 
 _ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take
 _NO_HOME = "the stage file has no homing: this position is taken as right, nothing was searched"
@@ -45,11 +45,12 @@ class OrderHandler:
 
     async def enable(self, axes: list[AxisController]) -> None:
         """Switch power on; the axes then hold where they stand."""
+        stops = [axis.board.stops for axis in axes]  # one that comes while a drive is configured ends it, too
         for axis in axes:
             if axis.state is State.OFFLINE:
                 await self._connect(axis, Event.CONNECT)
-        for axis in axes:
-            await self.service.order(axis, Order(Event.ENABLE))
+        for axis, before in zip(axes, stops, strict=True):
+            await self.service.order(axis, Order(Event.ENABLE, stops=before))
         for axis in axes:
             await self.service.until(partial(_no_longer, axis, State.ENABLING), _ENABLED)
             if axis.state is not State.STANDING:
@@ -82,10 +83,11 @@ class OrderHandler:
 
     async def home(self, axes: list[AxisController]) -> dict[str, str]:
         """Find the home, one axis after the other; of an axis without a method, what was done in its place."""
-        for axis in axes:
-            stops = axis.board.stops
-            await self.service.order(axis, Order(Event.HOME))
-            if not await self._settled(axis, stops) or not axis.status.homed:
+        stops = [axis.board.stops for axis in axes]
+        for axis, before in zip(axes, stops, strict=True):
+            async with self._begin:  # a motion that is being laid out counts from the present origin
+                await self.service.order(axis, Order(Event.HOME, stops=before))
+            if not await self._settled(axis, before) or not axis.status.homed:
                 raise ServiceError(f"{axis.name}: not homed: {axis.board.words or 'it was stopped'}")
             axis.finished(False)  # it stands where no plan has left it: nothing is known of its friction
         return {axis.name: _NO_HOME for axis in axes if axis.setup.file.homing.method == "none"}
@@ -224,7 +226,12 @@ class OrderHandler:
             (motion.axis, motion.axis.start(laid_out, len(tasks))._replace(stops=motion.stops))
             for motion, laid_out in planned
         ]
-        await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
+        try:
+            await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
+        except StageError:
+            for axis, _ in orders[1:] and orders:  # those that wait for the refused one must not wait for a later one
+                axis.board.stop(INTERFACE, HOLD)
+            raise
         return [motion for motion, _ in planned]
 
 

@@ -242,24 +242,28 @@ class Service:
         return axes[0]
 
     async def order(self, axis: AxisController, order: Order) -> None:
-        """Give an order and wait until the loop has taken it.
+        """Give an order and wait until the loop has taken it; a stop that comes from now on makes it void.
 
         Raises ServiceError with the reason where it cannot be given now.
         """
+        board = axis.board
+        order = order._replace(stops=board.stops if order.stops is None else order.stops)
         if not axis.status.tick:  # it would never see an order from before its start
             raise ServiceError(f"{axis.name}: the real-time process is starting; see `stagectl status`")
         if self._restarting is not None:  # nothing may begin before the stop path takes stops again
             await asyncio.wait({self._restarting})
-        board = axis.board
+        gone = ServiceError(f"{axis.name}: the real-time process does not answer; see `stagectl status`")
+        if axis.board is not board:
+            raise gone
         number = board.order(order)
         end = time.monotonic() + _ANSWER
         while (verdict := board.verdict(number)) == PENDING:
             silent = time.monotonic() > end and time.monotonic() - axis.status.tick > axis.status.patience
             if silent or axis.board is not board:
-                raise ServiceError(f"{axis.name}: the real-time process does not answer; see `stagectl status`")
+                raise gone
             await asyncio.sleep(0.002)
         if verdict != TAKEN:
-            if order.stops is not None and order.stops != board.stops:
+            if order.stops != board.stops:
                 raise ServiceError(f"{axis.name}: stopped before it began")
             raise ServiceError(f"{axis.name}: {axis.refusal(Event(order.kind))}")
 

@@ -87,9 +87,9 @@ class StopPath:
     def _take(self, request: bytes, answer: socket.socket | None) -> None:
         try:
             asked = json.loads(request)
-            what, axis = asked["do"], asked["axis"]
+            what, axis = str(asked["do"]), asked["axis"]
             chosen = [board for shown, board in self._axes if axis in ("", shown.name)]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             what, axis, chosen = "", "", []
         if what in _KINDS and chosen:
             for board in chosen:

@@ -453,3 +453,25 @@ def test_the_canopen_drive_gets_the_stages_step_and_period(ball_screw: Setup, mo
     drive: Any = opening.drive(post.axes[0]._replace(wire=wire))
     opening.close()
     assert drive == (wire, ("embedded", "stage", 1e6), 2.0 * math.pi / 2**20, 5e-4, NO_BRAKE)
+
+
+@pytest.mark.parametrize("error", [DriveError("it refuses"), OSError("the interface went down")])
+def test_a_drive_that_is_not_opened_leaves_the_bus(
+    ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """Or else its port would go on being the one that sends SYNC, and no other axis of the bus would get any."""
+    _, post = ordered(ball_screw)
+    bus: Any = SimpleNamespace(closed=False)
+    bus.close = lambda: setattr(bus, "closed", True)
+
+    def fail(*_: Any, **__: Any) -> Any:
+        raise error
+
+    monkeypatch.setattr(drive_opening, "open_bus", lambda *names: bus)
+    monkeypatch.setattr(drive_opening, "listen", lambda wire, bus: None)
+    monkeypatch.setattr(canopen_drive, "CanopenDrive", fail)
+    opening = drive_opening.Opening(True)
+    with pytest.raises(type(error)):
+        opening.drive(post.axes[0]._replace(wire=ball_screw.canopen))
+    opening.close()
+    assert bus.closed

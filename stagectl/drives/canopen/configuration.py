@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from typing import cast
 
+from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.boot_up import BootUp, take_power
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
-from stagectl.drives.canopen.object_rules import Wishes, obey
+from stagectl.drives.canopen.object_rules import Wishes, check_start_up, obey
 from stagectl.drives.canopen.pdo import RPDO, TPDO, CommandPdo, FeedbackPdo, PdoMap, wished
 from stagectl.drives.canopen.pdo_setup import PdoSetup
 from stagectl.drives.canopen.protection import NOT_OFFERED, Protection, Supervision, milliseconds
@@ -49,13 +50,14 @@ class DriveConfiguration:
         clock: Clock = WALL,
         limits: AxisLimits = UNKNOWN_AXIS,
         homing: Homing = NO_HOMING,
+        brake: Brake = NO_BRAKE,
     ) -> None:
         """The drive on `bus`: one count of its position is `encoder_step` (rad | m), the period `dt` (s).
 
         Objects that follow from `limits` are left alone where nothing is known of the axis.  Raises DriveError.
         """
         self._settings, self._step, self._dt = settings, encoder_step, dt
-        self._limits, self._clock, self._homing = limits, clock, homing
+        self._limits, self._clock, self._homing, self._brake = limits, clock, homing, brake
         od = load_eds(settings.eds, settings.node)
         self._node = PumpedNode(settings.node, od, bus, clock)
         self._wished = [
@@ -103,26 +105,30 @@ class DriveConfiguration:
 
     def _configure(self) -> None:
         network, objects, s = cast(PumpedNetwork, self._node.network), self.objects, self._settings
-        kind, boot = BootUp(objects, network, self._clock).run()
+        kind, boot = BootUp(objects, network, self._clock).run(self._take_power)
         check_profile(kind, s.node)
         servo = "servo drive" if kind & cia402.SERVO_DRIVE else "not marked as servo drive"
         self.description["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
         self.description["boot-up message"] = boot
         identify(objects, self.description)
-        take_power(objects, self._clock, self.description)
+        self._take_power()
         self._check_rated_current()
         self._check_mode()
         self.rpdo = PdoSetup(objects, RPDO).run(self._wished[0], milliseconds(s.rpdo_timeout))
         self.tpdo = PdoSetup(objects, TPDO).run(self._wished[1])
         self._describe_maps()
-        self._set_ramp()
-        self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)
-        self._describe_options()
         wishes = Wishes(s, self._limits, self._step, self._dt, objects.offered, self._homing)
         obey(objects, wishes, self.description)
+        self._set_ramp()
+        self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)
+        check_start_up(objects, s)
+        self._describe_options()
         self._set_mode()
         self._node.nmt.send_command(cia402.NMT_START)
         objects.verify()
+
+    def _take_power(self) -> None:
+        take_power(self.objects, self._clock, self.description, self._brake)
 
     def _check_rated_current(self) -> None:
         s = self._settings

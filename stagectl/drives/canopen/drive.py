@@ -17,6 +17,7 @@ import math
 from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import SYNC, Bus, frame
 from stagectl.drives.canopen import cia402, fault_texts
+from stagectl.drives.canopen.boot_up import set_brake
 from stagectl.drives.canopen.braking_monitor import (
     FAILURE_TEXTS,
     BrakingFailure,
@@ -68,8 +69,7 @@ class CanopenDrive:
         object that the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
-        self._clock, self._pace = clock, SpeedEstimate(dt)
-        self._now = clock.now
+        self._clock, self._now, self._pace = clock, clock.now, SpeedEstimate(dt)
         self._walk = PowerTransition(Power.OFF, self._standstill())
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
@@ -77,7 +77,7 @@ class CanopenDrive:
         self._closed = self._walking = self._silent = False  # on the way to power; no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = DriveConfiguration(settings, bus, encoder_step, dt, clock, limits, homing)
+        setup = DriveConfiguration(settings, bus, encoder_step, dt, clock, limits, homing, brake)
         setup.run()
         self._description, self._protection = setup.description, setup.protection
         self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
@@ -94,8 +94,7 @@ class CanopenDrive:
         self.position = lambda: setup.objects.position(encoder_step)
         if brake.control == "output":
             check_output_brake(setup.objects, self._description)
-            for subindex in (1, 2):  # set, before any power; the mask
-                setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, subindex)
+            set_brake(setup.objects)  # before any power
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
@@ -166,7 +165,8 @@ class CanopenDrive:
 
     def _stopping(self, state: DriveState) -> None:
         """One period without power, or on the way there; a drive that stays in operation is told again, by SDO."""
-        self._walk.wait()
+        if self._walk.wait():
+            self._brake.engage()
         word = self._walk.controlword
         if self._unheard.certain(state is _OPERATION_ENABLED and word & 0x0F != _ENABLED_WORD):
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
@@ -267,6 +267,7 @@ class CanopenDrive:
     def _walked(self, now: Feedback) -> Feedback:
         """A step towards Operation enabled; once there, no fault later leads there again by itself."""
         state = self._walk.step(now)
+        self._brake.watch(state is DriveState.OPERATION_ENABLED)
         self._mode.shown()
         self._reports.proving = now.fault is Fault.NONE and not self._reports.watch.mode_shown
         proven = self._walk.certain and self._reports.watch.mode_shown and self._reports.watch.learned

@@ -130,7 +130,11 @@ class ObjectAccess:
 
     def upload(self, index: int, subindex: int) -> Any:
         """Value of an object.  Raises SdoError."""
-        return self._variable(index, subindex).decode_raw(self.node.sdo.upload(index, subindex))
+        variable, data = self._variable(index, subindex), self.node.sdo.upload(index, subindex)
+        try:
+            return variable.decode_raw(data)
+        except canopen.ObjectDictionaryError as error:  # shorter than the type of the EDS
+            raise SdoAbortedError(cia402.WRONG_LENGTH) from error
 
     def bits(self, key: int) -> int:
         """Length of an object as the EDS gives it.  Raises SdoAbortedError where it has none."""

@@ -189,6 +189,14 @@ def obey(objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
         description[f"start-up ({cia402.shown(entry.object)})"] = f"{entry.value}"
 
 
+def check_start_up(objects: ObjectAccess, settings: Canopen) -> None:
+    """Raises DriveError where ramp and protection, which come after a person's objects, need another value of one."""
+    for entry in settings.start_up:
+        value = objects.held.get(entry.object)
+        if value != entry.value:
+            raise _unheld(objects, entry.object, entry.value, Held(value, False))
+
+
 def _obey(rule: Rule, objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
     index, subindex = rule.key >> 8, rule.key & 0xFF
     value = p.offered(index, subindex)

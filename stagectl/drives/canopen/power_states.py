@@ -62,12 +62,14 @@ class PowerTransition:
             self.controlword = _towards_enabled(state, stands)
         return state
 
-    def wait(self) -> None:
-        """One period on the way without power."""
-        if self._engaging:
-            self._engaging -= 1
-            if not self._engaging:
-                self.controlword = _OFF
+    def wait(self) -> bool:
+        """One period on the way without power; whether the brake is told again, as the first time may be lost."""
+        if not self._engaging:
+            return False
+        self._engaging -= 1
+        if not self._engaging:
+            self.controlword = _OFF
+        return self._engaging % limits.BRAKE_REPEAT_CYCLES == 0
 
 
 class BrakeSequence:
@@ -96,6 +98,11 @@ class BrakeSequence:
         """Set the brake; it holds `engaging` periods later."""
         self._powered = 0
         self._output(True)
+
+    def watch(self, powered: bool) -> None:
+        """Set a brake that is released where the drive leaves Operation enabled on the way to power: nothing holds."""
+        if self._powered > self._torque and not powered:
+            self.engage()
 
 
 class FaultReset:

@@ -28,6 +28,7 @@ NOT_OFFERED = "not offered by this drive"
 ALIVE = frame(HEARTBEAT + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
 _QUICK_STOP, _HOLDS = 3, (5, 6, 7, 8)  # option 0x6007; options 0x605A that stay in Quick stop active, under power
+_OTHER_RAMP = (1, 5)  # options 0x605A that slow down on 0x6084; the next number is the same on 0x6085
 _WRITTEN = (_QUICK_STOP, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
 _LEAVES, _STOPPED = 0, 2  # options 0x1029:01: to pre-operational, which is the default of CiA 301; to stopped
 _COMMUNICATION = 1  # subindex of 0x1029
@@ -62,6 +63,7 @@ class Supervision:
         timeout = min((time for time in (deadline, heartbeat, guarding) if time), default=0.0)
         if not timeout:
             self._lack("no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
+        self._choose_ramp()
         reacts, brakes = self._reaction()
         period = min(self._settings.heartbeat, (heartbeat or guarding or self._settings.heartbeat) / BEATS)
         alive = frame(REMOTE | HEARTBEAT + self._settings.node) if guarding else ALIVE
@@ -117,6 +119,14 @@ class Supervision:
         held = self._objects.hold(wanted, cia402.PRODUCER_HEARTBEAT, 0, _within(wanted))
         words = NOT_OFFERED if held.value is None else f"{held.value} ms"
         self._description["heartbeat of the drive (0x1017)"] = words
+
+    def _choose_ramp(self) -> None:
+        """Let a quick stop go by the ramp that is set (0x6085), not by that of other stops, which nobody knows."""
+        key, option = cia402.QUICK_STOP_OPTION << 8, self._objects.offered(cia402.QUICK_STOP_OPTION)
+        if option in _OTHER_RAMP and not self._objects.hold(option + 1, cia402.QUICK_STOP_OPTION).fits:
+            words = f": its quick stop slows down on another ramp (0x6084) than 0x6085: {cia402.shown(key)} is {option}"
+            remedy = f"and does not become {option + 1}; set it with the drive's own tool"
+            raise self._objects.error(f"{words} {remedy}", key, option)
 
     def _reaction(self) -> tuple[bool, bool]:
         """Whether a lost controller stops the axis, and whether by braking."""
