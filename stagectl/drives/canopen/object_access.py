@@ -90,6 +90,16 @@ class ObjectAccess:
         action = f"write of {value} (0x{value & 0xFFFFFFFF:X})"
         self._transfer(action, index, subindex, lambda: self._download(value, index, subindex))
 
+    def attempt(self, value: int, index: int, subindex: int = 0) -> DriveError | None:
+        """Write an integer; the drive's refusal, if it refuses.  Raises SetupInterruptedError."""
+        try:
+            self.write(value, index, subindex)
+        except SetupInterruptedError:
+            raise
+        except DriveError as error:
+            return error
+        return None
+
     def hold(self, wanted: int, index: int, subindex: int = 0, fits: Fits | None = None) -> Held:
         """Compare the object, write `wanted` where it holds another value, and read it back.
 
@@ -98,14 +108,8 @@ class ObjectAccess:
         fits, refusal = fits or (lambda value: value == wanted), None
         value = self._readable(index, subindex)
         if value != wanted and self.node.object_dictionary.get_variable(index, subindex) is not None:
-            try:
-                self.write(wanted, index, subindex)
-            except SetupInterruptedError:
-                raise
-            except DriveError as error:
-                refusal = error
-            else:
-                value = self._readable(index, subindex)
+            refusal = self.attempt(wanted, index, subindex)
+            value = value if refusal else self._readable(index, subindex)
         held = Held(value, value is not None and fits(value), refusal)
         return self.keep(held, index, subindex)
 

@@ -18,8 +18,7 @@ from typing import NamedTuple
 from stagectl.drives.bus.frames import HEARTBEAT, MASTER, REMOTE, frame
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import Fits, Held, ObjectAccess
-from stagectl.drives.canopen.pdo import PdoMap
-from stagectl.drives.canopen.pdo_mapping import EVENT_TIMER
+from stagectl.drives.canopen.pdo import EVENT_TIMER, PdoMap
 from stagectl.drives.drive import ACCEPTED, Accepted, Canopen
 from stagectl.drives.limits import BEATS
 from stagectl.drives.run_on import AxisLimits

@@ -19,13 +19,14 @@ from typing import Any, Literal
 from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.faulty_bus import FaultyBus
 from stagectl.drives.bus.frames import HEARTBEAT, Bus
-from stagectl.drives.canopen import cia402, pdo_mapping
+from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import canopen
 from stagectl.drives.canopen.network import PumpedNetwork, load_eds
 from stagectl.drives.clock import WALL, Clock, SkewedClock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import CLOCK_SLIP, CLOCK_TICK, LOOK_FRAMES, SYNC_PATIENCE
 from stagectl.drives.simulated import Plant
+from stagectl.drives.virtual import pdo_mapping
 from stagectl.drives.virtual.fault_actions import DriveParts, PeriodicActions
 from stagectl.drives.virtual.fault_schedule import FaultSchedule
 from stagectl.drives.virtual.object_dictionary import Objects

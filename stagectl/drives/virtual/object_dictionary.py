@@ -6,9 +6,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from stagectl.drives.canopen import cia402, pdo_mapping
+from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoAbortedError, canopen
+from stagectl.drives.canopen.pdo import CODES
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.virtual import pdo_mapping
 from stagectl.drives.virtual.homing import DIRECTIONS, HomingOptions
 from stagectl.drives.virtual.power_stage import PowerStage, StopOptions
 
@@ -165,7 +167,7 @@ class Objects:
         return None if getter is None else getter()
 
     def _written(self, *, index: int, subindex: int, od: Any, data: bytes) -> None:
-        if od.data_type not in pdo_mapping.CODES:
+        if od.data_type not in CODES:
             return
         value = int(od.decode_raw(bytes(data)))
         self._check(index, subindex, od, value)
@@ -182,8 +184,7 @@ class Objects:
         allowed = _ADMITTED.get(index)
         if allowed is not None and value not in allowed:
             raise SdoAbortedError(cia402.OUT_OF_RANGE)
-        if pdo_mapping.is_pdo_parameter(index):
-            pdo_mapping.check(self.node.object_dictionary, self.number, index, subindex, value)
+        pdo_mapping.check(self.node.object_dictionary, self.number, index, subindex, value)
 
     def _check_scales(self, settings: Canopen) -> None:
         fine = {TARGET_CURRENT << 8: FINE, ACTUAL_CURRENT << 8: FINE}
