@@ -29,6 +29,7 @@ from stagectl.drives.canopen.configuration import DriveConfiguration
 from stagectl.drives.canopen.drive_homing import DriveHoming, ModeSwitch
 from stagectl.drives.canopen.drive_line import DriveLine
 from stagectl.drives.canopen.fault_texts import Deviation, FoundState
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.operation_watch import mode_place
 from stagectl.drives.canopen.power_states import BrakeSequence, FaultReset, PowerTransition, Standstill
 from stagectl.drives.canopen.protection import check_output_brake
@@ -77,7 +78,7 @@ class CanopenDrive:
         self._closed = self._walking = self._silent = False  # on the way to power; no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = DriveConfiguration(settings, bus, encoder_step, dt, clock, limits, homing)
+        setup = DriveConfiguration(Wishes(settings, encoder_step, dt, limits, homing), bus, clock)
         setup.run()
         self._description, self._protection = setup.description, setup.protection
         self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
@@ -93,7 +94,7 @@ class CanopenDrive:
         self._found = FoundState(*(setup.objects.known(index) for index in (cia402.STATUSWORD, cia402.ERROR_CODE)))
         self.position = lambda: setup.objects.position(encoder_step)
         if brake.control == "output":
-            check_output_brake(setup.objects, self._description)
+            check_output_brake(setup.objects)
             for subindex in (1, 2):  # set, before any power; the mask
                 setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, subindex)
 

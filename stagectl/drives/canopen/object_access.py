@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 from stagectl.drives.bus.frames import HEARTBEAT, Bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
-from stagectl.drives.canopen.network import PumpedNode
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME
 
@@ -36,20 +36,25 @@ class Held(NamedTuple):
 
 
 class ObjectAccess:
-    """SDO access to one node; `held` is what a finished set-up must still find in the drive."""
+    """SDO access to one node; `held` is what a finished set-up must still find in the drive.
+
+    `description` collects what the drive reported, in words.
+    """
 
     def __init__(self, settings: Canopen, node: PumpedNode) -> None:
         """`node` is in a network already; its boot-up messages are counted from here on."""
         self.settings, self.node = settings, node
+        self.network = cast(PumpedNetwork, node.network)
+        self.description: dict[str, str] = {}
         self.held: dict[int, int] = {}
         self.boots = 0  # boot-up messages heard
         self.nmt_state: int | None = None  # as the last heartbeat or guarding answer said
         self._expected: int | None = None  # boots that are in order; None: any
-        node.network.subscribe(HEARTBEAT + settings.node, self._heard)
+        self.network.subscribe(HEARTBEAT + settings.node, self._heard)
 
     def close(self) -> None:
         """Listen to boot-up messages no more."""
-        self.node.network.unsubscribe(HEARTBEAT + self.settings.node, self._heard)
+        self.network.unsubscribe(HEARTBEAT + self.settings.node, self._heard)
 
     def begin(self) -> None:
         """Forget what was held; from now on a boot-up message interrupts."""
