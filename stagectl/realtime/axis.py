@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import math
 
-from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.drive import Fault
-from stagectl.drives.limits import ENABLE_TIME
+from stagectl.drives.limits import ENABLE_TIME, STANDSTILL_CYCLES
 from stagectl.kernels import law
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.axis_data import GONE, LAW, NO_OUTPUT, AxisData, StopLength
@@ -178,7 +177,7 @@ class Axis(AxisData):
             self.lost = self.now() if math.isnan(self.lost) else self.lost
             stands = self.now() - self.lost > _LOST_TIME
         if stands:
-            moved = max(self.cycles - self.since - Standstill.CYCLES, 0)
+            moved = max(self.cycles - self.since - STANDSTILL_CYCLES, 0)
             self.stopped = StopLength(moved * self.dt, abs(self.seen.position - self.start))
             self.happen(Event.DONE if self.ordered else Event.FAILED)
         elif self._elapsed() > _STOP_TIME:

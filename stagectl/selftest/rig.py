@@ -162,7 +162,7 @@ class Rig(BaseRig):
         self.ours, theirs = Wire(time, self.settings.bitrate).ends
         self.said: list[str] = []
         self.node = virtual_node(setup, self.settings, theirs, self.said.append, time)
-        theirs.woken_by(self.node.turn)
+        theirs.wakes = self.node.turn
         self.node.boot()
         time.every(_LOOK, self._look)
 

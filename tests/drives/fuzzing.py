@@ -98,7 +98,7 @@ def fuzz_controller(frames: int, seed: int) -> str:
     plant = Plant(linear_stage(), Simulation(substeps=1), DT)
     settings = canopen_settings("unused", feedback_timeout=0.002)
     node = VirtualNode(settings, plant, theirs, "wall", DT, GAIN, lambda _: None, time=timeline)
-    theirs.woken_by(node.turn)
+    theirs.wakes = node.turn
     timeline.every(0.001, node.turn)
     node.boot()
     drive = CanopenDrive(settings, ours, STEP, DT, clock=timeline)

@@ -30,6 +30,7 @@ from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Power
+from stagectl.drives.limits import RESET_TIME
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.kernels import stage
 from tests.drives import workbench
@@ -668,8 +669,7 @@ def test_standing_still_is_the_same_in_both_directions_and_begins_anew() -> None
 
 def test_a_fault_is_reset_by_few_edges_that_are_held_with_a_pause_between_them() -> None:
     """Drives were met that want bit 7 for 50 ms."""
-    reset = power_states.FaultReset
-    words = [reset.controlword(0.01 * k) for k in range(round(100 * reset.DURATION))]
+    words = [power_states.fault_reset(0.01 * k) for k in range(round(100 * RESET_TIME))]
     runs = [(word, len(list(run))) for word, run in itertools.groupby(words)]
     assert runs == [(0x80, 30), (0x00, 10)] * 3
     assert power_states._towards_enabled(DriveState.FAULT, False) == 0x00  # not on the way to power

@@ -42,7 +42,7 @@ class Scene:
         self.time = Timeline()
         ours, theirs = Wire(self.time, 1e6).ends
         self.node: VirtualNode = bench.node(LateAnswers(theirs, age), "sync", self.time)
-        theirs.woken_by(self.node.turn)
+        theirs.wakes = self.node.turn
         self.node.boot()
         self.time.every(0.001, self.node.turn)
         self.drive = CanopenDrive(bench.settings(reset="node"), ours, STEP, DT, clock=self.time)

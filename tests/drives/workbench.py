@@ -116,7 +116,7 @@ class Workbench:
         time = Timeline()
         ours, theirs = Wire(time, 1e6).ends
         node = self.node(theirs, clock, time, mark)
-        theirs.woken_by(node.turn)
+        theirs.wakes = node.turn
         node.boot()
         time.every(0.001, node.turn)
         return node, ours, time

@@ -31,14 +31,14 @@ from stagectl.drives.canopen.drive_line import DriveLine
 from stagectl.drives.canopen.fault_texts import Deviation, FoundState
 from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.operation_watch import mode_place
-from stagectl.drives.canopen.power_states import BrakeSequence, FaultReset, PowerTransition, Standstill
+from stagectl.drives.canopen.power_states import BrakeSequence, PowerTransition, Standstill, fault_reset
 from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.cycle_time import has_room_for_sdo
 from stagectl.drives.drive import Canopen, Fault, Feedback, Power
 from stagectl.drives.homing import NO_HOMING, Homing
-from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, STANDING
+from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, RESET_TIME, STANDING
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _SYNC = frame(SYNC)
@@ -202,11 +202,11 @@ class CanopenDrive:
         """Hold bit 7 until the drive's fault is gone, without power.  Raises DriveError where it stays."""
         begun = due = self._now()
         gone = ConsecutiveCycles(OLD_ANSWERS)
-        while (elapsed := self._now() - begun) < FaultReset.DURATION:
+        while (elapsed := self._now() - begun) < RESET_TIME:
             self.sample()
             if gone.certain(not self._silent and self._last.statusword & _FAULT_BIT == 0):
                 break
-            self._walk.controlword = FaultReset.controlword(elapsed)
+            self._walk.controlword = fault_reset(elapsed)
             self.apply(0.0)
             due = self._rest(due)
         else:

@@ -31,6 +31,16 @@ class _Periodic:
     due: float  # s
 
 
+def _in_turn(*steps: Undo) -> Undo:
+    """Undo in several steps."""
+
+    def undo() -> None:
+        for step in steps:
+            step()
+
+    return undo
+
+
 class PeriodicActions:
     """What a fault does periodically."""
 
@@ -71,24 +81,13 @@ def _cut_off(m: DriveParts) -> Undo:
 
 
 def _bus_off(m: DriveParts, p: Any, now: float) -> Undo:
-    undo = _cut_off(m)
-
-    def recover() -> None:
-        undo()
-        m.objects.error(_RECOVERED, cia402.COMMUNICATION_ERROR)
-
-    return recover
+    return _in_turn(_cut_off(m), lambda: m.objects.error(_RECOVERED, cia402.COMMUNICATION_ERROR))
 
 
 def _power_off(m: DriveParts, p: Any, now: float) -> Undo:
     undo = _cut_off(m)
     m.axis.power_cycled()
-
-    def back() -> None:
-        undo()
-        m.boot()
-
-    return back
+    return _in_turn(undo, m.boot)
 
 
 def _reboot(m: DriveParts, p: Any, now: float) -> Undo:
@@ -120,12 +119,7 @@ def _jumping(m: DriveParts, p: Any, now: float) -> Undo:
 
     stop = m.repeats.every(p.every or JUMP_PERIOD, now, flip)
     undo = m.axis.sensor.distort(Distortion(lambda counts: counts + sign[0] * p.counts, lambda v: v))
-
-    def both() -> None:
-        stop()
-        undo()
-
-    return both
+    return _in_turn(stop, undo)
 
 
 def _noise(m: DriveParts, p: Any) -> Distortion:

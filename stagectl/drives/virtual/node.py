@@ -31,7 +31,7 @@ from stagectl.drives.virtual.fault_actions import DriveParts, PeriodicActions
 from stagectl.drives.virtual.fault_schedule import FaultSchedule
 from stagectl.drives.virtual.object_dictionary import Objects
 from stagectl.drives.virtual.power_stage import PowerStage, StopReport
-from stagectl.drives.virtual.supervision import LostPartner, Watchdog
+from stagectl.drives.virtual.supervision import Watchdog
 
 _SDO_LENGTH = 8  # bytes; a server does not look at others
 
@@ -226,9 +226,9 @@ class VirtualNode:
         self._network.tick(now)
         if self.axis.state is not cia402.DriveState.OPERATION_ENABLED:
             self._command.disarm()
-        for lost in (self._heartbeat.check(now), self._command.check(now)):
-            if lost is not None:
-                self._partner_lost(lost)
+        for partner in (self._heartbeat, self._command):
+            if (silence := partner.check(now)) is not None:
+                self._partner_lost(partner, silence)
         self._follow(now)
 
     def _follow(self, now: float) -> None:
@@ -251,13 +251,12 @@ class VirtualNode:
             self.axis.advance(now - self._plant_time)
             self._plant_time = now
 
-    def _partner_lost(self, lost: LostPartner) -> None:
+    def _partner_lost(self, lost: Watchdog, silence: float) -> None:
         self.objects.error(lost.code, cia402.COMMUNICATION_ERROR)
         if self.axis.state is not cia402.DriveState.OPERATION_ENABLED:
             return  # nothing to stop; after an orderly end nothing to report
-        silence, timeout = lost.silence * 1e3, lost.timeout * 1e3
         reaction = self._reaction(cia402.ABORT_CONNECTION)
-        self._report(f"{lost.what} for {silence:.0f} ms (time-out {timeout:.0f} ms): {reaction}")
+        self._report(f"{lost.what} for {silence * 1e3:.0f} ms (time-out {lost.timeout * 1e3:.0f} ms): {reaction}")
         self.axis.connection_lost()
 
     def _hear(self, partner: Watchdog) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from stagectl.drives.canopen import cia402
@@ -133,8 +134,8 @@ class Objects:
             cia402.TARGET_TORQUE << 8: lambda count: self._aim(count * self._permille),
             TARGET_CURRENT << 8: lambda count: self._aim(count * FINE),
             cia402.ERROR_HISTORY << 8: lambda _: self._history.clear(),
-            cia402.DIGITAL_OUTPUTS << 8 | 1: self._set_outputs,
-            cia402.DIGITAL_OUTPUTS << 8 | 2: self._set_mask,
+            cia402.DIGITAL_OUTPUTS << 8 | 1: partial(setattr, self.axis.brake, "outputs"),
+            cia402.DIGITAL_OUTPUTS << 8 | 2: partial(setattr, self.axis.brake, "mask"),
         }
 
     def _control(self, controlword: int) -> None:
@@ -146,12 +147,6 @@ class Objects:
     def _set_mode(self, mode: int) -> None:
         if mode in _MODES:  # an RPDO with another mode is ignored; `_check` aborts such an SDO
             self.axis.mode = mode
-
-    def _set_outputs(self, outputs: int) -> None:
-        self.axis.brake.outputs = outputs
-
-    def _set_mask(self, mask: int) -> None:
-        self.axis.brake.mask = mask
 
     def _aim(self, current: float) -> None:
         if self.axis.state is cia402.DriveState.OPERATION_ENABLED:
