@@ -17,12 +17,12 @@ import sys
 from typing import Any, NamedTuple
 
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Drive, DriveError, Fault
-from stagectl.realtime import order_rules, safety, scheduling
+from stagectl.drives.drive import DriveError, Fault
+from stagectl.realtime import safety, scheduling
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.drive_opening import Opening
-from stagectl.realtime.shared_memory import Board, Order
+from stagectl.realtime.shared_memory import CUT, HOLD, Board, Order
 from stagectl.realtime.single_axis import SingleAxis
 from stagectl.realtime.states import Event, State
 from stagectl.recording.beside import order_of
@@ -30,6 +30,7 @@ from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 
 _IDLE = 0.02  # s between two looks where no drive is connected
+_STOP_EVENTS = {HOLD: Event.STOP, CUT: Event.QUICK_STOP}
 
 
 class Post(NamedTuple):
@@ -127,7 +128,7 @@ class Loop:
 
     def _axis(self, p: Orders) -> Axis:
         kind = SingleAxis if self._post.single else Axis
-        return kind(p, Board(p.board), Ring(*p.ring), self._connect, self._clock)
+        return kind(p, Board(p.board), Ring(*p.ring), self._opening.drive, self._clock)
 
     def _idle(self) -> None:
         self._clock.sleep(_IDLE)
@@ -166,14 +167,15 @@ class Loop:
         that waits is its end.
         """
         for axis in self.axes:
-            order_rules.take_stops(axis)
+            _take_stops(axis)
         pending = [(axis, order) for axis in self.axes if (order := axis.board.next_order()) is not None]
-        together = [(axis, order) for axis, order in pending if order_rules.joint(order)]
+        together = [(axis, order) for axis, order in pending if _joint(order)]
         complete = bool(together) and len(together) >= together[0][1].numbers[-1]
         possible = complete and all([axis.may_begin(order) for axis, order in together])
         for axis, order in pending:
-            joint = order_rules.joint(order)
-            if not complete if joint else order_rules.too_soon(axis, order):
+            joint = _joint(order)
+            early = order.kind == Event.MOVE and axis.state is State.ENABLING  # it waits for the axis' power
+            if not complete if joint else early:
                 if axis.board.waiting > 1:  # the others have not come, and behind it may be a stop
                     axis.board.answer(False)
                 continue
@@ -188,8 +190,20 @@ class Loop:
             return False
         return True
 
-    def _connect(self, p: Orders) -> Drive:
-        return self._opening.drive(p)
+
+def _take_stops(axis: Axis) -> None:
+    """Take the stops that were asked for; no queue, no other axis and no state is in their way."""
+    kinds = axis.board.next_stops()
+    for kind in kinds:
+        axis.happen(_STOP_EVENTS[kind])
+    if kinds:
+        axis.show()  # before it is heeded: whoever asked sees the state that follows
+        axis.board.heed()
+
+
+def _joint(order: Order) -> bool:
+    """Whether it is a move that begins with those of other axes."""
+    return order.kind == Event.MOVE and order.numbers[-1] > 1.0
 
 
 def serve(post: Post, clock: Clock = WALL) -> None:

@@ -155,8 +155,8 @@ class Axis(AxisData):
             self._enabling()
         elif state in STOPS_GOING_ON:
             self._stopping()
-        elif state is _ENGAGING:
-            self._engaging()
+        elif state is _ENGAGING and self._elapsed() >= self.p.brake.engage + 2.0 * self.dt:
+            self.happen(Event.DONE)
         elif state is _FAULT and self.seen.fault in GONE:
             self.hang_up()
 
@@ -165,10 +165,6 @@ class Axis(AxisData):
             self.happen(Event.DONE)
         elif self.found_faulty() or self._elapsed() > ENABLE_TIME:
             self.happen(Event.FAILED, Fault.DRIVE_FAULT)
-
-    def _engaging(self) -> None:
-        if self._elapsed() >= self.p.brake.engage + 2.0 * self.dt:
-            self.happen(Event.DONE)
 
     def _stopping(self) -> None:
         """Until it stands; a drive that does not answer stops by its own time-outs, and is given up."""
@@ -239,7 +235,10 @@ class Axis(AxisData):
     def take(self, order: Order) -> bool:
         """An order of the service; False where it cannot be given now."""
         if order.kind == LAW:
-            self._take_law(order)
+            new: law.Law = bumpless_transfer.rebuilt(self.law, iter(order.numbers))
+            if self.governed:
+                self.x = bumpless_transfer.transferred(self.law, new, self.x, self.asked, self.seen.position)
+            self.law = new
             return True
         event = Event(order.kind)
         if event is Event.MOVE:
@@ -247,12 +246,6 @@ class Axis(AxisData):
         if event is Event.HOME and self.state is State.STANDING:
             self.fault = Fault.NONE
         return self.happen(event)
-
-    def _take_law(self, order: Order) -> None:
-        new: law.Law = bumpless_transfer.rebuilt(self.law, iter(order.numbers))
-        if self.governed:
-            self.x = bumpless_transfer.transferred(self.law, new, self.x, self.asked, self.seen.position)
-        self.law = new
 
     def may_begin(self, order: Order) -> bool:
         """Whether this motion can begin now; if not, the board says why where the state does not."""
