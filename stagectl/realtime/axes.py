@@ -17,7 +17,7 @@ import sys
 from typing import Any, NamedTuple
 
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import DriveError, Fault
+from stagectl.drives.drive import Drive, DriveError, Fault
 from stagectl.realtime import safety, scheduling
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.axis_data import Orders
@@ -128,7 +128,7 @@ class Loop:
 
     def _axis(self, p: Orders) -> Axis:
         kind = SingleAxis if self._post.single else Axis
-        return kind(p, Board(p.board), Ring(*p.ring), self._opening.drive, self._clock)
+        return kind(p, Board(p.board), Ring(*p.ring), self._connect, self._clock)
 
     def _idle(self) -> None:
         self._clock.sleep(_IDLE)
@@ -189,6 +189,9 @@ class Loop:
             axis.board.say("a drive can only be configured while no axis has power: first run `stagectl disable`")
             return False
         return True
+
+    def _connect(self, p: Orders) -> Drive:
+        return self._opening.drive(p)
 
 
 def _take_stops(axis: Axis) -> None:

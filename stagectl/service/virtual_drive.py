@@ -161,7 +161,6 @@ def virtual_node(
         plant,
         bus,
         "wall" if time else setup.file.simulation.clock,
-        setup.dt,
         damping,
         report,
         distance=lambda way: length(way * axis.travel_per_unit, axis.travel_unit),

@@ -27,6 +27,7 @@ from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.fault_texts import FAULTS
 from stagectl.drives.canopen.network import load_eds
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Power
@@ -65,7 +66,7 @@ def bus(bench: Workbench) -> Tapped:
 
 
 def drive_on(bench: Workbench, bus: Tapped, **changes: Any) -> CanopenDrive:
-    drive = CanopenDrive(bench.settings(**changes), bus, STEP, DT)
+    drive = CanopenDrive(Wishes(bench.settings(**changes), STEP, DT), bus)
     protocol: Drive = drive  # the protocol holds, says mypy
     assert protocol is drive
     return drive
@@ -136,7 +137,7 @@ def test_heartbeats_go_by_time_however_late_the_cycles(bench: Workbench, bus: Ta
     """Counted in cycles, a loop ten times too slow would be taken for a dead one."""
     bench.running("sync")
     clock = Hurried()
-    drive = CanopenDrive(bench.settings(), bus, STEP, DT, clock=clock)
+    drive = CanopenDrive(Wishes(bench.settings(), STEP, DT), bus, clock=clock)
     enabled(drive)
     begun = clock.now()
     bus.sent.clear()
@@ -447,8 +448,9 @@ sys.path[:0] = {path!r}
 from tests.drives.workbench import canopen_settings, enabled, STEP, DT
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 s = canopen_settings({channel!r}, heartbeat_timeout=0.5, rpdo_timeout=0.0)
-drive = CanopenDrive(s, open_bus("embedded", {channel!r}, 1e6), STEP, DT)
+drive = CanopenDrive(Wishes(s, STEP, DT), open_bus("embedded", {channel!r}, 1e6))
 enabled(drive)
 print("enabled", flush=True)
 while True:

@@ -109,7 +109,7 @@ class Workbench:
         plant = Plant(linear_stage(), Simulation(substeps=4), DT)
         bus = bus or self.bus()
         wire = self.settings(**changes)
-        return VirtualNode(wire, plant, bus, clock, DT, GAIN, self.reports.append, time=time, mark=mark)
+        return VirtualNode(wire, plant, bus, clock, GAIN, self.reports.append, time=time, mark=mark)
 
     def timed(self, clock: Any = "sync", mark: float = 0.0) -> tuple[VirtualNode, End, Timeline]:
         """A virtual drive that has booted, our end of its bus, and the time that both go by, which nobody waits for."""

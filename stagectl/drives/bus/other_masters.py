@@ -196,14 +196,6 @@ def _locked(wire: Canopen | Odrive, other: Holder) -> OtherMasterError:
     return error
 
 
-class Heard(NamedTuple):
-    """Frames of another master of one kind."""
-
-    kind: str  # in words
-    frames: int
-    period: float | None  # s, mean; None: a single frame
-
-
 def listen(wire: Canopen, bus: Bus) -> None:
     """Hear the bus for LISTENING_TIME; `bus` must be one on which we have not sent anything.
 
@@ -221,10 +213,9 @@ def listen(wire: Canopen, bus: Bus) -> None:
         identifier = parse(raw)[0]
         if identifier in kinds:
             times.setdefault(identifier, []).append(time.monotonic())
-    if times:
-        raise _audible(
-            wire, [_heard(kinds[identifier], times[identifier]) for identifier in kinds if identifier in times]
-        )
+    for identifier, kind in kinds.items():  # SYNC first, as it is what drives a bus
+        if identifier in times:
+            raise _audible(wire, kind, times[identifier])
 
 
 @contextlib.contextmanager
@@ -241,22 +232,17 @@ def alone(wire: Canopen, bus: Bus, stage: str) -> Iterator[None]:
         lock.release()
 
 
-def _heard(kind: str, times: list[float]) -> Heard:
-    """By the mean period: a busy computer hands frames over in bursts."""
-    return Heard(kind, len(times), (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else None)
-
-
-def _audible(wire: Canopen, heard: list[Heard]) -> OtherMasterError:
-    """The error that says what was heard; SYNC first, as it is what drives a bus."""
-    first = heard[0]
-    every = "" if first.period is None else f" every {duration(first.period)}"
+def _audible(wire: Canopen, kind: str, times: list[float]) -> OtherMasterError:
+    """The error that says what was heard, and when (s): by the mean period, as frames may come in bursts."""
+    period = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else None
+    every = "" if period is None else f" every {duration(period)}"
     error = OtherMasterError(
-        f"another master sends {first.kind}{every} on this bus, {wire.interface} {wire.channel} (seen {first.frames}"
+        f"another master sends {kind}{every} on this bus, {wire.interface} {wire.channel} (seen {len(times)}"
         f" frames in {LISTENING_TIME:g} s); it does not run on this computer, or is no stagectl. Nothing was sent."
         " Next: stop that master; `candump` or `python -m can.logger` shows its frames",
         place=wire.channel,
         node=wire.node,
-        value=first.kind,
+        value=kind,
     )
-    error.frames, error.period = first.frames, first.period
+    error.frames, error.period = len(times), period
     return error

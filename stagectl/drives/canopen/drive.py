@@ -36,10 +36,8 @@ from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.cycle_time import has_room_for_sdo
-from stagectl.drives.drive import Canopen, Fault, Feedback, Power
-from stagectl.drives.homing import NO_HOMING, Homing
+from stagectl.drives.drive import Fault, Feedback, Power
 from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, RESET_TIME, STANDING
-from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _SYNC = frame(SYNC)
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
@@ -51,24 +49,13 @@ _FAULT_BIT = 0x08  # of Fault and Fault reaction active
 class CanopenDrive:
     """The drive protocol over a bus; see `stagectl.drives.drive.Drive`."""
 
-    def __init__(  # noqa: PLR0913 - the last four have defaults
-        self,
-        settings: Canopen,
-        bus: Bus,
-        encoder_step: float,
-        dt: float,
-        *,
-        clock: Clock = WALL,
-        limits: AxisLimits = UNKNOWN_AXIS,
-        brake: Brake = NO_BRAKE,
-        homing: Homing = NO_HOMING,
-    ) -> None:
-        """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
+    def __init__(self, wishes: Wishes, bus: Bus, brake: Brake = NO_BRAKE, clock: Clock = WALL) -> None:
+        """Find the drive and configure it by these `wishes`.
 
-        With `limits` the drive's own limits are made to agree with those of the axis.  Raises DriveError with the
-        object that the drive refused and the next step.
+        Raises DriveError with the object that the drive refused and the next step.
         """
-        self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
+        settings, dt = wishes.settings, wishes.dt
+        self._settings, self._bus, self._step, self._dt = settings, bus, wishes.encoder_step, dt
         self._clock, self._pace = clock, SpeedEstimate(dt)
         self._now = clock.now
         self._walk = PowerTransition(Power.OFF, self._standstill())
@@ -78,7 +65,7 @@ class CanopenDrive:
         self._closed = self._walking = self._silent = False  # on the way to power; no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = DriveConfiguration(Wishes(settings, encoder_step, dt, limits, homing), bus, clock)
+        setup = DriveConfiguration(wishes, bus, clock)
         setup.run()
         self._description, self._protection = setup.description, setup.protection
         self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
@@ -92,7 +79,7 @@ class CanopenDrive:
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
         self._slow = settings.quick_stop_deceleration * STANDING
         self._found = FoundState(*(setup.objects.known(index) for index in (cia402.STATUSWORD, cia402.ERROR_CODE)))
-        self.position = lambda: setup.objects.position(encoder_step)
+        self.position = lambda: setup.objects.position(self._step)
         if brake.control == "output":
             check_output_brake(setup.objects)
             for subindex in (1, 2):  # set, before any power; the mask

@@ -67,7 +67,6 @@ class DriveParts(NamedTuple):
     axis: PowerStage
     objects: Objects
     clock: SkewedClock
-    dt: float  # s
     trip: Callable[[int], None]  # an error inside the drive, by its code
     boot: Callable[[], None]  # as after power-on, the machine staying where it is
     repeats: PeriodicActions
@@ -123,7 +122,7 @@ def _jumping(m: DriveParts, p: Any, now: float) -> Undo:
 
 
 def _noise(m: DriveParts, p: Any) -> Distortion:
-    chance, step, dt = m.bus.random, m.axis.plant.p.encoder.step, m.dt
+    chance, step, dt = m.bus.random, m.axis.plant.p.encoder.step, m.axis.plant.dt
     return Distortion(
         lambda _: chance.randrange(-(2**31), 2**31), lambda _: chance.uniform(-1.0, 1.0) * 2**31 * step / dt
     )
@@ -198,7 +197,7 @@ ACTIONS: dict[str, _Action] = dict.fromkeys(FRAME_FAULTS, lambda m, p, now: m.bu
     "current-stuck": _current(lambda m, p: sensor.held()),
     "current-reversed": _current(lambda m, p: lambda current: p.factor * current),
     "current-weak": _current(lambda m, p: lambda current: p.factor * current),
-    "current-late": _current(lambda m, p: sensor.late(max(1, round(p.delay / m.dt)))),
+    "current-late": _current(lambda m, p: sensor.late(max(1, round(p.delay / m.axis.plant.dt)))),
     "node-reboot": _reboot,
     "statusword-garbage": _statusword,
     "clock-skewed": _skewed,

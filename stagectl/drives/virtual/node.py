@@ -45,7 +45,6 @@ class VirtualNode:
         plant: Plant,
         bus: Bus,
         clock: Literal["sync", "wall"],
-        dt: float,
         quick_stop_gain: float,
         report: Callable[[str], None],
         *,
@@ -61,9 +60,14 @@ class VirtualNode:
         words, with distances as `distance` writes them; `faults` are of `stagectl.drives.faults`; its reference
         mark is `mark` (rad | m) from where it was powered on.  Raises DriveError.
         """
-        _check(plant, dt)
+        if plant.p.encoder.step <= 0.0:
+            raise DriveError(
+                "encoder.step = 0; must lie in (0, 1]: a CANopen drive counts; give the encoder a step",
+                place="encoder.step",
+                value=0.0,
+            )
         self._clock = SkewedClock(time)
-        self._settings, self._dt, self._report = settings, dt, report
+        self._settings, self._dt, self._report = settings, plant.dt, report
         self._bus = FaultyBus(bus, self._clock.now, plant.simulation.seed)
         self._wall, self._distance = clock == "wall", distance or self._counts
         self._network = PumpedNetwork(self._bus, self._clock)
@@ -76,7 +80,7 @@ class VirtualNode:
         self._pending: dict[bytes, tuple[pdo_mapping.Rpdo, bytes]] = {}
         self._syncs = 0
         self._plant_time = self._synced = self._looked = self._clock.now()
-        parts = self._bus, self.axis, self.objects, self._clock, dt, self.trip, self._reboot, PeriodicActions()
+        parts = self._bus, self.axis, self.objects, self._clock, self.trip, self._reboot, PeriodicActions()
         self.faults = FaultSchedule(DriveParts(*parts), report)
         self.faults.standing(faults)
         self._configure()
@@ -274,16 +278,3 @@ class VirtualNode:
 
     def _counts(self, distance: float) -> str:
         return f"{distance / self.axis.plant.p.encoder.step:.0f} encoder counts"
-
-
-def _check(plant: Plant, dt: float) -> None:
-    if plant.p.encoder.step <= 0.0:
-        raise DriveError(
-            "encoder.step = 0; must lie in (0, 1]: a CANopen drive counts; give the encoder a step",
-            place="encoder.step",
-            value=0.0,
-        )
-    if plant.dt != dt:
-        raise DriveError(
-            f"dt = {dt} s, but the plant runs in periods of {plant.dt} s; give both the same", place="dt", value=dt
-        )
