@@ -171,10 +171,6 @@ class OrderHandler:
             await asyncio.sleep(0.005)
         return False
 
-    def _ready(self, axis: AxisController) -> None:
-        if axis.state is not State.STANDING:
-            raise ServiceError(f"{axis.name}: {why_not(Event.MOVE, axis.state)}")
-
     def _planned(
         self, axis: AxisController, where: tuple[str, bool], pace: tuple[str | None, str | None]
     ) -> Task | None:
@@ -212,7 +208,8 @@ class OrderHandler:
     async def _begun(self, wanted: Sequence[_Wanted]) -> list[_Wanted]:
         """Lay all of them out, then begin them; the loop refuses those that a stop has ended since they were wanted."""
         for motion in wanted:
-            self._ready(motion.axis)
+            if motion.axis.state is not State.STANDING:
+                raise ServiceError(f"{motion.axis.name}: {why_not(Event.MOVE, motion.axis.state)}")
         tasks = [(motion, task) for motion in wanted if (task := motion.layout()) is not None]
         planned = [(motion, await self.service.planner.plan(task)) for motion, task in tasks]
         if any((motion.board, motion.stops) != (motion.axis.board, motion.axis.board.stops) for motion in wanted):

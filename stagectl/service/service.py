@@ -28,7 +28,7 @@ from typing import Any
 from stagectl.drives.drive import Canopen, Fault, accepted
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State
-from stagectl.service import processes, single_instance, virtual_drive
+from stagectl.service import job_from_stage, processes, single_instance, virtual_drive
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.axis_status import answers, axis_json
 from stagectl.service.child_process import start
@@ -114,7 +114,7 @@ class Service:
         self._loop = start("stagectl.realtime.axes", (*shared, held, self._lock), "interpreted")
         os.close(held)
         rank(self._loop.pid, LOOP)
-        self._loop.send(processes.post(axes, self.coupled))
+        self._loop.send(job_from_stage.post(axes[0].setup, [axis.orders() for axis in axes], self.coupled))
         self._companions.spawn(self._alive, self._stop_socket.fileno())
 
     async def _up(self) -> None:

@@ -14,7 +14,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.virtual_time import Timeline
 from stagectl.realtime.axes import Loop
 from stagectl.realtime.states import Event, State
-from stagectl.service import processes
+from stagectl.service import job_from_stage
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.orders import OrderHandler
 from stagectl.service.planning import Upload
@@ -36,7 +36,7 @@ class Bench:
         self.orderly = OrderHandler(
             Service({"axis": self.axis}, ServicePaths(folder / "s", folder), False, self.said.append)
         )
-        self.loop = Loop(processes.post([self.axis], False), Timeline())
+        self.loop = Loop(job_from_stage.post(self.axis.setup, [self.axis.orders()]), Timeline())
         self.loop.axes[0].happen(Event.CONNECT)
         self.travel = setup.file.axis.travel_per_unit
 
