@@ -29,6 +29,7 @@ class Child:
         assert process.stdin is not None and isinstance(process.stdout, io.BufferedReader)
         self._process, self._in = process, process.stdin
         self._out = process.stdout.raw  # without a buffer: `readable` sees all that there is
+        self.pid, self.signal = process.pid, process.send_signal
 
     def send(self, order: object) -> None:
         """Hand over the order."""
@@ -51,10 +52,6 @@ class Child:
         """Whether it has written a line, or ended, within `timeout` (s)."""
         return bool(select.select([self._out], [], [], timeout)[0])
 
-    def signal(self, number: int) -> None:
-        """Send it a signal."""
-        self._process.send_signal(number)
-
     def wait(self, timeout: float | None = None) -> int:
         """Its exit code; past `timeout` (s) it is killed."""
         with contextlib.suppress(BrokenPipeError):
@@ -66,11 +63,6 @@ class Child:
             code = self._process.wait()
         self._out.close()
         return code
-
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        return self._process.pid
 
     @property
     def ended(self) -> int | None:

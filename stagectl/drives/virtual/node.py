@@ -27,8 +27,7 @@ from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import CLOCK_SLIP, CLOCK_TICK, LOOK_FRAMES, SYNC_PATIENCE
 from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual import pdo_mapping
-from stagectl.drives.virtual.fault_actions import DriveParts, PeriodicActions
-from stagectl.drives.virtual.fault_schedule import FaultSchedule
+from stagectl.drives.virtual.fault_actions import DriveParts, FaultSchedule, PeriodicActions
 from stagectl.drives.virtual.object_dictionary import Objects
 from stagectl.drives.virtual.power_stage import PowerStage, StopReport
 from stagectl.drives.virtual.supervision import Watchdog
@@ -67,6 +66,7 @@ class VirtualNode:
                 value=0.0,
             )
         self._clock = SkewedClock(time)
+        self.now = self._clock.now  # the drive's own time (s)
         self._settings, self._dt, self._report = settings, plant.dt, report
         self._bus = FaultyBus(bus, self._clock.now, plant.simulation.seed)
         self._wall, self._distance = clock == "wall", distance or self._counts
@@ -98,10 +98,6 @@ class VirtualNode:
             self._take(raw)
         if self._clock.now() - self._looked >= CLOCK_TICK:
             self._look()
-
-    def now(self) -> float:
-        """The drive's own time (s)."""
-        return self._clock.now()
 
     def trip(self, code: int) -> None:
         """An error inside the drive: emergency `code`, fault reaction, Fault."""
