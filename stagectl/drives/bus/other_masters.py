@@ -79,10 +79,11 @@ class ChannelLock:
             other = _read(self._descriptor)
             self.release()
             raise _locked(wire, other)
-        _write(
-            self._descriptor,
-            Holder(pid or os.getpid(), _command(pid or os.getpid()), stage, time.strftime("%Y-%m-%d %H:%M:%S")),
-        )
+        pid = pid or os.getpid()
+        ours = Holder(pid, _command(pid), stage, time.strftime("%Y-%m-%d %H:%M:%S"))
+        with contextlib.suppress(OSError):  # a full disk: the lock holds without a name
+            os.ftruncate(self._descriptor, 0)
+            os.pwrite(self._descriptor, json.dumps(ours._asdict()).encode(), 0)
 
     def release(self) -> None:
         """Give it back; safe to call twice."""
@@ -163,12 +164,6 @@ def _command(pid: int) -> str:
     return shlex.join(words[python[0] + 1 :] if python else words)
 
 
-def _write(descriptor: int, ourselves: Holder) -> None:
-    with contextlib.suppress(OSError):  # a full disk: the lock holds without a name
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, json.dumps(ourselves._asdict()).encode(), 0)
-
-
 def _read(descriptor: int) -> Holder:
     """What its holder says of itself; of another user, so nothing in it is believed to have a form."""
     try:
@@ -182,9 +177,8 @@ def _read(descriptor: int) -> Holder:
 def _locked(wire: Canopen | Odrive, other: Holder) -> OtherMasterError:
     """The error that names the other."""
     channel = wire.port if isinstance(wire, Odrive) else wire.channel
-    who = (
-        f"process {other.pid} (`{other.command}`, stage {other.stage}) since {other.since}" if other.pid else "unknown"
-    )
+    known = f"process {other.pid} (`{other.command}`, stage {other.stage}) since {other.since}"
+    who = known if other.pid else "unknown"
     error = OtherMasterError(
         f"another master has {channel}: {who}; one channel has one master. Nothing was sent. Next: end that program, or"
         " give it this axis, too",

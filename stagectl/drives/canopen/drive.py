@@ -27,13 +27,12 @@ from stagectl.drives.canopen.braking_monitor import (
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.configuration import DriveConfiguration
 from stagectl.drives.canopen.drive_homing import DriveHoming, ModeSwitch
-from stagectl.drives.canopen.drive_line import DriveLine
 from stagectl.drives.canopen.fault_texts import Deviation, FoundState
 from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.operation_watch import mode_place
 from stagectl.drives.canopen.power_states import BrakeSequence, PowerTransition, Standstill, fault_reset
 from stagectl.drives.canopen.protection import check_output_brake
-from stagectl.drives.canopen.reports import Reports
+from stagectl.drives.canopen.reports import DriveLine, Reports
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.cycle_time import has_room_for_sdo
 from stagectl.drives.drive import Fault, Feedback, Power
