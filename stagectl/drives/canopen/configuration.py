@@ -177,21 +177,18 @@ class DriveConfiguration:
         if held.refusal is not None:
             raise held.refusal
         if held.value is not None and not held.fits:
-            raise self._kept_mode(held.value) from held.refusal
+            raise self.objects.error(
+                f": mode of operation stays {held.value} (0x6060); must become {torque} (cyclic synchronous torque); is"
+                " another mode forced in the drive's own set-up?",
+                cia402.MODE << 8,
+                held.value,
+            )
         deadline = self._clock.now() + MODE_TIME
         while (mode := self.objects.read(cia402.MODE_DISPLAY)) != torque and self._clock.now() < deadline:
             pass
         self.mode_shown = mode == torque
         shown = "" if self.mode_shown else f"; 0x6061 shows {mode} until it is enabled"
         self.description["mode of operation"] = f"cyclic synchronous torque (10){shown}"
-
-    def _kept_mode(self, mode: int) -> DriveError:
-        return self.objects.error(
-            f": mode of operation stays {mode} (0x6060); must become {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic"
-            " synchronous torque); is another mode forced in the drive's own set-up?",
-            cia402.MODE << 8,
-            mode,
-        )
 
 
 def identify(objects: ObjectAccess) -> None:

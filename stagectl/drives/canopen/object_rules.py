@@ -14,7 +14,7 @@ from typing import NamedTuple
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import Held, ObjectAccess
 from stagectl.drives.canopen.protection import NOT_OFFERED, lacks
-from stagectl.drives.drive import Accepted, Canopen, DriveError
+from stagectl.drives.drive import Accepted, Canopen
 from stagectl.drives.homing import NO_HOMING, Homing
 from stagectl.drives.limits import INCREMENTS, ROUNDED, SEARCH_TIME
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
@@ -186,7 +186,14 @@ def obey(objects: ObjectAccess, wishes: Wishes) -> None:
     for entry in p.settings.start_up:
         held = objects.hold(entry.value, entry.object >> 8, entry.object & 0xFF)
         if not held.fits:
-            raise _unheld(objects, entry.object, entry.value, held) from held.refusal
+            shown = "missing" if held.value is None else f"{held.value}"
+            raise objects.error(
+                f": drive.wire.start_up wants {cia402.shown(entry.object)} = {entry.value}, but it is {shown}; correct"
+                " the entry, or set the object with the drive's own tool",
+                entry.object,
+                held.value,
+                "drive.wire.start_up",
+            ) from held.refusal
         objects.description[f"start-up ({cia402.shown(entry.object)})"] = f"{entry.value}"
 
 
@@ -221,14 +228,3 @@ def _refuse(rule: Rule, objects: ObjectAccess, value: int, wanted: int) -> None:
         return
     words = f": {rule.name} is {value} ({cia402.shown(key)}); the stage file wants {wanted}: {rule.remedy}"
     raise objects.error(words, key, value)
-
-
-def _unheld(objects: ObjectAccess, key: int, wanted: int, held: Held) -> DriveError:
-    shown = "missing" if held.value is None else f"{held.value}"
-    return objects.error(
-        f": drive.wire.start_up wants {cia402.shown(key)} = {wanted}, but it is {shown}; correct the entry, or set the"
-        " object with the drive's own tool",
-        key,
-        held.value,
-        "drive.wire.start_up",
-    )

@@ -47,7 +47,7 @@ class VirtualNode:
         quick_stop_gain: float,
         report: Callable[[str], None],
         *,
-        distance: Callable[[float], str] | None = None,
+        distance: Callable[[float], str] = str,
         time: Clock = WALL,
         faults: Iterable[Any] = (),
         brake: Brake = NO_BRAKE,
@@ -69,7 +69,7 @@ class VirtualNode:
         self.now = self._clock.now  # the drive's own time (s)
         self._settings, self._dt, self._report = settings, plant.dt, report
         self._bus = FaultyBus(bus, self._clock.now, plant.simulation.seed)
-        self._wall, self._distance = clock == "wall", distance or self._counts
+        self._wall, self._distance = clock == "wall", distance
         self._network = PumpedNetwork(self._bus, self._clock)
         self._node: canopen.LocalNode = canopen.LocalNode(settings.node, load_eds(settings.eds, settings.node))
         self._network[settings.node] = self._node
@@ -271,6 +271,3 @@ class VirtualNode:
     def _stopped(self, stop: StopReport) -> None:
         what = "stands" if stop.stands else "still MOVES, power cut,"
         self._report(f"{what} after {stop.duration * 1e3:.0f} ms and {self._distance(stop.distance)}")
-
-    def _counts(self, distance: float) -> str:
-        return f"{distance / self.axis.plant.p.encoder.step:.0f} encoder counts"
