@@ -9,8 +9,7 @@ from collections.abc import Callable
 from stagectl.drives.drive import Canopen
 from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.black_box import BlackBoxOrder
-from stagectl.service.child_process import Child, start
-from stagectl.service.confined import rank
+from stagectl.service.child_process import Child, rank, start
 from stagectl.service.foxglove_live import Feed, Source
 from stagectl.service.limits import AT_ONCE, LOOP
 from stagectl.service.recordings import about

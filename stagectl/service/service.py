@@ -31,8 +31,7 @@ from stagectl.realtime.states import Event, State
 from stagectl.service import job_from_stage, processes, single_instance, virtual_drive
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.axis_status import answers, axis_json
-from stagectl.service.child_process import start
-from stagectl.service.confined import rank
+from stagectl.service.child_process import rank, start
 from stagectl.service.limits import LOOP, SERVICE
 from stagectl.service.planner import Planner
 from stagectl.service.recordings import Recordings
