@@ -13,8 +13,7 @@ from stagectl.realtime.shared_memory import CUT, HOLD, INTERFACE, Board, Order
 from stagectl.realtime.states import Event, State, why_not
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.limits import MOTIONS_WAITING, SETTLE
-from stagectl.service.pace import check_pace
-from stagectl.service.planning import Task, Upload
+from stagectl.service.planning import Task, Upload, check_pace
 from stagectl.service.service import Service
 from stagectl.units import UnitError, parse
 
