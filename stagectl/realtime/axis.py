@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import math
 
-from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.drive import Fault
-from stagectl.drives.limits import ENABLE_TIME
+from stagectl.drives.limits import ENABLE_TIME, STANDSTILL_CYCLES
 from stagectl.kernels import law
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.axis_data import GONE, LAW, NO_OUTPUT, AxisData, StopLength
@@ -157,8 +156,8 @@ class Axis(AxisData):
             self._enabling()
         elif state in STOPS_GOING_ON:
             self._stopping()
-        elif state is _ENGAGING:
-            self._engaging()
+        elif state is _ENGAGING and self._elapsed() >= self.p.brake.engage + 2.0 * self.dt:
+            self.happen(Event.DONE)
         elif state is _FAULT and self.seen.fault in GONE:
             self.hang_up()
 
@@ -170,17 +169,13 @@ class Axis(AxisData):
         elif self.found_faulty() or self._elapsed() > ENABLE_TIME:
             self.happen(Event.FAILED, Fault.DRIVE_FAULT)
 
-    def _engaging(self) -> None:
-        if self._elapsed() >= self.p.brake.engage + 2.0 * self.dt:
-            self.happen(Event.DONE)
-
     def _stopping(self) -> None:
         """Until it stands; a drive that does not answer stops by its own time-outs, and is given up."""
         gone, now = self.seen.fault in GONE, self.now()
         self.lost = (now if math.isnan(self.lost) else self.lost) if gone else _NAN
         stands = now - self.lost > _LOST_TIME if gone else self.still.stands(self.seen.position)
         if stands:
-            moved = max(self.cycles - self.since - Standstill.CYCLES, 0)
+            moved = max(self.cycles - self.since - STANDSTILL_CYCLES, 0)
             self.stopped = StopLength(moved * self.dt, abs(self.seen.position - self.start))
             self.happen(Event.DONE if self.ordered else Event.FAILED)
         elif self._elapsed() > _STOP_TIME:
@@ -242,7 +237,10 @@ class Axis(AxisData):
     def take(self, order: Order) -> bool:
         """An order of the service; False where it cannot be given now."""
         if order.kind == LAW:
-            self._take_law(order)
+            new: law.Law = bumpless_transfer.rebuilt(self.law, iter(order.numbers))
+            if self.governed:
+                self.x = bumpless_transfer.transferred(self.law, new, self.x, self.asked, self.seen.position)
+            self.law = new
             return True
         event = Event(order.kind)
         if event is Event.MOVE:
@@ -250,12 +248,6 @@ class Axis(AxisData):
         if event is Event.HOME and self.state is State.STANDING:
             self.fault = Fault.NONE
         return self.happen(event)
-
-    def _take_law(self, order: Order) -> None:
-        new: law.Law = bumpless_transfer.rebuilt(self.law, iter(order.numbers))
-        if self.governed:
-            self.x = bumpless_transfer.transferred(self.law, new, self.x, self.asked, self.seen.position)
-        self.law = new
 
     def may_begin(self, order: Order) -> bool:
         """Whether this motion can begin now; if not, the board says why where the state does not."""

@@ -191,13 +191,12 @@ def _placed(p: Envelope, x: Watch) -> Fault:
 
 def searching(p: Envelope) -> Envelope:
     """A search is made without a home, and may be held by an end stop."""
-    return unhomed(p)._replace(freeze=math.inf, breakaway=math.inf)
+    return unhomed(p)._replace(freeze=INF, breakaway=INF)
 
 
 def unhomed(p: Envelope) -> Envelope:
     """An axis without a home does not know where its travel ends; until it has one it only stands, or searches."""
-    inf = math.inf
-    return p._replace(low=-inf, high=inf, deceleration=inf)
+    return p._replace(low=-INF, high=INF, deceleration=INF)
 
 
 def containing(p: Envelope, position: float) -> Envelope:

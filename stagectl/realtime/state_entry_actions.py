@@ -112,7 +112,7 @@ def _engaging(axis: AxisData, old: State) -> Event | None:
 def _begin_stop(axis: AxisData, power: Power) -> None:
     axis.search = None
     axis.since, axis.start, axis.lost = axis.cycles, axis.seen.position, math.nan
-    axis.still = Standstill.of_ramp(*axis.p.standing, axis.dt)
+    axis.still = Standstill.of_ramp(axis.p.own_ramp, axis.p.stage.encoder.step, axis.dt)
     _ask(axis, power)
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 import enum
 
 from stagectl.drives.drive import Fault
-from stagectl.realtime.stops import STOPS, Category
+from stagectl.realtime.stops import STOPS
 
 
 class State(enum.IntEnum):
@@ -132,12 +132,11 @@ def _table() -> dict[tuple[State, Event], State]:
 
 
 TABLE = _table()
-_EVENTS = {Category.COAST: Event.COAST, Category.RAMP: Event.RAMP, Category.HOLD: Event.HOLD}
 
 
 def event_of(fault: Fault) -> Event:
     """The event that a fault is, by its stop category."""
-    return _EVENTS[STOPS[fault].category]
+    return Event[STOPS[fault].category.name]
 
 
 def following(state: State, event: Event) -> State | None:

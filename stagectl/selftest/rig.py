@@ -11,6 +11,7 @@ from stagectl.config.time_outs import axis_limits
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.clock import Clock
 from stagectl.drives.homing import NO_HOMING, Homing
 from stagectl.realtime import axes
@@ -116,10 +117,7 @@ class BaseRig:
     def connect(self, homing: Homing = NO_HOMING) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
         step, dt, file = self.setup.stage.encoder.step, self.setup.dt, self.setup.file
-        limits = axis_limits(file)
-        return CanopenDrive(
-            self.settings, self.bus, step, dt, clock=self.time, limits=limits, brake=file.brake, homing=homing
-        )
+        return CanopenDrive(Wishes(self.settings, step, dt, axis_limits(file), homing), self.bus, file.brake, self.time)
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""
@@ -162,7 +160,7 @@ class Rig(BaseRig):
         self.ours, theirs = Wire(time, self.settings.bitrate).ends
         self.said: list[str] = []
         self.node = virtual_node(setup, self.settings, theirs, self.said.append, time)
-        theirs.woken_by(self.node.turn)
+        theirs.wakes = self.node.turn
         self.node.boot()
         time.every(_LOOK, self._look)
 

@@ -13,8 +13,7 @@ from stagectl.realtime.shared_memory import CUT, HOLD, INTERFACE, Board, Order
 from stagectl.realtime.states import Event, State, why_not
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.limits import MOTIONS_WAITING, SETTLE
-from stagectl.service.pace import check_pace
-from stagectl.service.planning import Task, Upload
+from stagectl.service.planning import Task, Upload, check_pace
 from stagectl.service.service import Service
 from stagectl.units import StageError, UnitError, parse
 
@@ -173,10 +172,6 @@ class OrderHandler:
             await asyncio.sleep(0.005)
         return False
 
-    def _ready(self, axis: AxisController) -> None:
-        if axis.state is not State.STANDING:
-            raise ServiceError(f"{axis.name}: {why_not(Event.MOVE, axis.state)}")
-
     def _planned(
         self, axis: AxisController, where: tuple[str, bool], pace: tuple[str | None, str | None]
     ) -> Task | None:
@@ -214,7 +209,8 @@ class OrderHandler:
     async def _begun(self, wanted: Sequence[_Wanted]) -> list[_Wanted]:
         """Lay all of them out, then begin them; the loop refuses those that a stop has ended since they were wanted."""
         for motion in wanted:
-            self._ready(motion.axis)
+            if motion.axis.state is not State.STANDING:
+                raise ServiceError(f"{motion.axis.name}: {why_not(Event.MOVE, motion.axis.state)}")
         tasks = [(motion, task) for motion in wanted if (task := motion.layout()) is not None]
         planned = [(motion, await self.service.planner.plan(task)) for motion, task in tasks]
         if any((motion.board, motion.stops) != (motion.axis.board, motion.axis.board.stops) for motion in wanted):

@@ -12,6 +12,7 @@ from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.library import SdoAbortedError
 from stagectl.drives.canopen.network import load_eds
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.pdo import CommandPdo, PdoMap
 from stagectl.drives.drive import ACCEPTED, DriveError, Fault, Identity, StartUp
 from stagectl.drives.limits import SETUPS
@@ -70,7 +71,7 @@ class Scene:
 
     def drive(self, brake: Brake = NO_BRAKE, **changes: Any) -> CanopenDrive:
         settings = self.bench.settings(**changes)
-        return CanopenDrive(settings, self.ours, STEP, DT, clock=self.time, limits=AXIS, brake=brake)
+        return CanopenDrive(Wishes(settings, STEP, DT, AXIS), self.ours, brake, self.time)
 
     def store(self, key: int, value: int, size: int) -> None:
         """As the drive was delivered: no rule for writes applies."""

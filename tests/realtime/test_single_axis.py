@@ -17,6 +17,7 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import NO_BRAKE
 from stagectl.drives.canopen import drive as canopen_drive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
 from stagectl.drives.simulated import Plant, Simulated
@@ -448,11 +449,13 @@ def test_the_canopen_drive_gets_the_stages_step_and_period(ball_screw: Setup, mo
     _, post = ordered(ball_screw)
     monkeypatch.setattr(drive_opening, "open_bus", lambda *names: names)
     monkeypatch.setattr(drive_opening, "listen", lambda wire, bus: None)
-    monkeypatch.setattr(canopen_drive, "CanopenDrive", lambda *order, limits, brake, homing: (*order, brake))
+    monkeypatch.setattr(canopen_drive, "CanopenDrive", lambda *order: order)
     opening = drive_opening.Opening(False)
-    drive: Any = opening.drive(post.axes[0]._replace(wire=wire))
+    axis = post.axes[0]._replace(wire=wire)
+    drive: Any = opening.drive(axis)
     opening.close()
-    assert drive == (wire, ("embedded", "stage", 1e6), 2.0 * math.pi / 2**20, 5e-4, NO_BRAKE)
+    wishes = Wishes(wire, 2.0 * math.pi / 2**20, 5e-4, axis.limits, axis.homing)
+    assert drive == (wishes, ("embedded", "stage", 1e6), NO_BRAKE)
 
 
 @pytest.mark.parametrize("error", [DriveError("it refuses"), OSError("the interface went down")])

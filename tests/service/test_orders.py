@@ -16,7 +16,7 @@ from stagectl.drives.homing import Homing
 from stagectl.realtime.axes import Loop
 from stagectl.realtime.shared_memory import HOLD, INTERFACE, STOP_PATH, Order
 from stagectl.realtime.states import Event, State
-from stagectl.service import processes
+from stagectl.service import job_from_stage
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.orders import OrderHandler
 from stagectl.service.planning import Upload
@@ -37,7 +37,8 @@ class Bench:
         self.axis = self.axes["axis"]
         self.said: list[str] = []
         self.orderly = OrderHandler(Service(self.axes, ServicePaths(folder / "s", folder), False, self.said.append))
-        self.loop = Loop(processes.post(list(self.axes.values()), False), Timeline())
+        post = job_from_stage.post(setup, [axis.orders() for axis in self.axes.values()])
+        self.loop = Loop(post, Timeline())
         for axis in self.loop.axes:
             axis.happen(Event.CONNECT)
         self.travel = setup.file.axis.travel_per_unit

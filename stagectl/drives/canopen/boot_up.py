@@ -15,9 +15,7 @@ from stagectl.drives.bus.frames import HEARTBEAT, REMOTE, frame
 from stagectl.drives.canopen import cia402, fault_texts
 from stagectl.drives.canopen.cia402 import POWERED, DeviceCommand
 from stagectl.drives.canopen.library import SdoCommunicationError, SdoError
-from stagectl.drives.canopen.network import PumpedNetwork
 from stagectl.drives.canopen.object_access import ObjectAccess
-from stagectl.drives.clock import Clock
 from stagectl.drives.drive import DriveError
 from stagectl.drives.limits import (
     BACKLOG,
@@ -33,8 +31,8 @@ from stagectl.drives.limits import (
 class BootUp:
     """The way to a drive that answers; afterwards any boot-up message interrupts the set-up."""
 
-    def __init__(self, objects: ObjectAccess, network: PumpedNetwork, clock: Clock) -> None:
-        self._objects, self._network, self._now = objects, network, clock.now
+    def __init__(self, objects: ObjectAccess) -> None:
+        self._objects, self._network, self._now = objects, objects.network, objects.network.clock.now
         self._settings, self._node = objects.settings, objects.node
 
     def run(self, take: Callable[[], None]) -> tuple[int, str]:
@@ -121,12 +119,13 @@ def set_brake(objects: ObjectAccess) -> None:
         objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, subindex)
 
 
-def take_power(objects: ObjectAccess, clock: Clock, description: dict[str, str], brake: Brake) -> None:
+def take_power(objects: ObjectAccess, brake: Brake) -> None:
     """Stop the drive by its own ramp, let a `brake` that we work hold, then cut its power.
 
     Raises DriveError where it keeps it.
     """
     found = now = objects.known(cia402.STATUSWORD)
+    clock = objects.network.clock
     for command in (DeviceCommand.QUICK_STOP, DeviceCommand.DISABLE_VOLTAGE):
         if not _powered(now):
             break
@@ -146,7 +145,7 @@ def take_power(objects: ObjectAccess, clock: Clock, description: dict[str, str],
             now,
         )
     if found is not None and _powered(found):
-        description["found under power"] = f"in {fault_texts.state_words(found)}; stopped, and its power cut"
+        objects.description["found under power"] = f"in {fault_texts.state_words(found)}; stopped, and its power cut"
 
 
 def _powered(statusword: int | None) -> bool:

@@ -21,8 +21,6 @@ _ORDERS = {Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword}
 class Standstill:
     """Whether the position stays within `tolerance` (rad | m) for so many cycles, noise or not."""
 
-    CYCLES = limits.STANDSTILL_CYCLES
-
     def __init__(self, tolerance: float) -> None:
         self._tolerance, self._anchor, self._cycles = tolerance, math.nan, 0
 
@@ -105,16 +103,10 @@ class BrakeSequence:
             self.engage()
 
 
-class FaultReset:
-    """Bit 7 of the controlword (transition 15): held until the fault is gone, few edges, a pause between them."""
-
-    DURATION = limits.RESET_EDGES * (limits.RESET_HOLD + limits.RESET_PAUSE)  # s
-
-    @staticmethod
-    def controlword(elapsed: float) -> int:
-        """The controlword `elapsed` (s) after the beginning."""
-        held = elapsed % (limits.RESET_HOLD + limits.RESET_PAUSE) < limits.RESET_HOLD
-        return cia402.DeviceCommand.FAULT_RESET.controlword if held else _OFF
+def fault_reset(elapsed: float) -> int:
+    """Bit 7 of the controlword (transition 15), `elapsed` (s) after the beginning: few edges, a pause between them."""
+    held = elapsed % (limits.RESET_HOLD + limits.RESET_PAUSE) < limits.RESET_HOLD
+    return cia402.DeviceCommand.FAULT_RESET.controlword if held else _OFF
 
 
 def _towards_enabled(state: DriveState, stands: bool) -> int:

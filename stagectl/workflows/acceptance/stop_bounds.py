@@ -8,7 +8,7 @@ from typing import NamedTuple
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.pdo_mapping import EVENT_TIMER
+from stagectl.drives.canopen.pdo import EVENT_TIMER
 from stagectl.workflows.acceptance.drive_reader import DriveReader
 from stagectl.workflows.acceptance.limits import LATENESS, SETTLING_SHARE, STOP_PERIODS
 
