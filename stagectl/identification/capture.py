@@ -145,21 +145,16 @@ def check_excited(capture: Capture) -> None:
     """
     unit = {ROTARY: "rad", LINEAR: "m"}.get(capture.meta.get("axis", {}).get("kind"), "rad | m")
     if not np.ptp(capture.current) > thresholds.LEAST_EXCITATION:
-        raise IdentificationError(
+        text = (
             f"the {capture.current_column} is {capture.current[0]:g} A throughout. Without an "
-            "excitation there is no response: command a current_sine or current_multisine, or inject a current",
-            Refusal.CONSTANT_CURRENT,
-            value=float(capture.current[0]),
-            unit="A",
+            "excitation there is no response: command a current_sine or current_multisine, or inject a current"
         )
+        raise IdentificationError(text, Refusal.CONSTANT_CURRENT, value=float(capture.current[0]), unit="A")
     travel, least = float(np.ptp(capture.position)), thresholds.LEAST_ENCODER_STEPS * capture.encoder_step
     if not travel > least:
-        raise IdentificationError(
+        text = (
             f"the position moves by {travel:g} {unit} in all; must be more than "
             f"{thresholds.LEAST_ENCODER_STEPS:g} encoder steps of {capture.encoder_step:g} {unit}: raise the "
-            "amplitude, or check that the drive was enabled",
-            Refusal.AT_REST,
-            value=travel,
-            unit=unit,
-            admissible=f"({least:g}, inf)",
+            "amplitude, or check that the drive was enabled"
         )
+        raise IdentificationError(text, Refusal.AT_REST, value=travel, unit=unit, admissible=f"({least:g}, inf)")

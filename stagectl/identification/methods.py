@@ -35,12 +35,8 @@ def identify(
             reason = f"{foreign[0]} is not an option of {name}: did you mean {near}?"
             raise IdentificationError(reason, Refusal.UNKNOWN_OPTION, value=foreign[0], admissible=near)
         own = [f"--{option}" for option in options if option in known]
-        raise IdentificationError(
-            f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}",
-            Refusal.UNKNOWN_OPTION,
-            value=foreign[0],
-            admissible=", ".join(own),
-        )
+        text = f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}"
+        raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=foreign[0], admissible=", ".join(own))
     result: IdentificationResult = solve(list(captures), file, progress=progress, **given)
     return result
 

@@ -98,23 +98,17 @@ def check_time(time: Array) -> None:
         )
     if not np.all(finite := np.isfinite(time)):
         row = int(np.argmin(finite))
-        raise IdentificationError(
-            f"time in row {row + 1} is {time[row]}; must be a number: remove the row",
-            Refusal.NOT_FINITE,
-            value=float(time[row]),
-            unit="s",
-        )
+        text = f"time in row {row + 1} is {time[row]}; must be a number: remove the row"
+        raise IdentificationError(text, Refusal.NOT_FINITE, value=float(time[row]), unit="s")
     if np.any(backwards := time[1:] <= time[:-1]):
         row = int(np.argmax(backwards)) + 1
         count = int(np.count_nonzero(backwards))
         how = "repeats" if time[row] == time[row - 1] else "goes back"
-        raise IdentificationError(
+        text = (
             f"time {time[row]:.9g} s in row {row + 1} {how} ({time[row - 1]:.9g} s before it), and so in {count} of "
-            f"{len(time)} rows; times must increase strictly: remove repeated rows, or sort the log by time",
-            Refusal.TIME_ORDER,
-            value=float(time[row]),
-            unit="s",
+            f"{len(time)} rows; times must increase strictly: remove repeated rows, or sort the log by time"
         )
+        raise IdentificationError(text, Refusal.TIME_ORDER, value=float(time[row]), unit="s")
 
 
 def _missing(name: str, column: Array, time: Array) -> str:

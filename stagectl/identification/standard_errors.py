@@ -40,12 +40,6 @@ def _middle(scores: Array) -> Array:
     return np.asarray(middle * (rows / (rows - count)))
 
 
-def white(regressor: Array, residual: Array) -> Array:
-    """The textbook's covariance (k, k), for a `residual` (n,) that is white noise."""
-    rows, count = regressor.shape
-    return np.asarray(np.linalg.inv(regressor.T @ regressor) * float(residual @ residual) / (rows - count))
-
-
 def bandwidth(scores: Array) -> int:
     """Andrews' number of lags for `scores` (n, k): ``1.1447 (alpha n)^(1/3)``."""
     rho = np.clip([autocorrelation(column) for column in scores.T], -STIFFEST_SCORES, STIFFEST_SCORES)

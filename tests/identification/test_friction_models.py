@@ -20,7 +20,7 @@ from stagectl.identification.friction import method as friction_models
 from stagectl.identification.friction.closed_loop import PUBLISHED, Servo, errors, simulated
 from stagectl.identification.friction.members import FAMILY, bundled, nodes
 from stagectl.identification.result import IdentificationResult, Note, Topic, topics
-from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
+from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, stage
 from stagectl.kernels.jit import table
 from stagectl.report.methods import friction_models as report
 from tests.identification.friction_member import fit_member
@@ -58,8 +58,9 @@ def _friction(law: str, x: Array) -> Array:
     out, two = np.zeros(len(x)), np.zeros((len(x), 2))
     stribeck = friction.Stribeck(0.3, 1.5e-3, 2.0)
     if law in ("coulomb-viscous", "stribeck"):
-        p = friction_static.Static(COULOMB, 0.0, stribeck if law == "stribeck" else friction.Stribeck())
-        friction_path.static(p, x, DT, out)
+        moves = np.diff(x, prepend=x[0])
+        rise = stribeck.rise * np.exp(-((np.abs(moves) / DT / stribeck.velocity) ** stribeck.shape))
+        out = COULOMB * np.sign(moves) * (1.0 + rise * (law == "stribeck"))
     elif law == "dahl":
         friction_path.bristle(friction_bristle.Bristle(COULOMB, COULOMB / RANGE, 1.5), x, DT, two)
         out = two[:, 0]

@@ -19,7 +19,7 @@ import numpy as np
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.thresholds import FRICTION_ELEMENTS, TABLE_ROWS
-from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
+from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, stage
 
 FORCE, STIFFNESS, DAMPING = "N m | N", "N m/rad | N/m", "N m s/rad | N s/m"
 LENGTH, SPEED = "rad | m", "rad/s | m/s"
@@ -66,9 +66,10 @@ NOTHING = friction.bundle([0.0], [1.0])
 
 
 def _sign(path: Path) -> Array:
-    out = np.empty((len(path.position), 1))
-    friction_path.static(friction_static.Static(1.0, 0.0, friction.Stribeck()), path.position, path.dt, out[:, 0])
-    return out
+    """Direction (n, 1) of the last motion; 0 before any."""
+    state = np.empty((len(path.position), 3))
+    friction_path.branches(path.position, state)
+    return state[:, 1:2]
 
 
 def _stribeck_columns(path: Path, theta: Sequence[float]) -> Array:
