@@ -72,14 +72,12 @@ class IdentificationError(StageError):
 
     def within(self, place: object) -> Self:
         """The same error with the place where it was found in front of the message."""
-        return type(self)(
-            f"{place}: {self}",
-            self.reason,
-            capture=self.capture or str(place),
-            value=self.value,
-            unit=self.unit,
-            admissible=self.admissible,
-        )
+        return self.saying(f"{place}: {self}", self.capture or str(place))
+
+    def saying(self, message: str, capture: str) -> Self:
+        """The same refusal in other words."""
+        fields = {"value": self.value, "unit": self.unit, "admissible": self.admissible}
+        return type(self)(message, self.reason, capture=capture, **fields)
 
 
 class Capture(NamedTuple):
@@ -126,15 +124,7 @@ def accepted(captures: Iterable[Capture], treat: Callable[[Capture], Treated]) -
     if not results and not refused:
         raise IdentificationError("no capture to identify from; give at least one", Refusal.NO_CAPTURE)
     if not results:
-        first = refused[0]
-        raise IdentificationError(
-            "\n".join(map(str, refused)),
-            first.reason,
-            capture=first.capture,
-            value=first.value,
-            unit=first.unit,
-            admissible=first.admissible,
-        )
+        raise refused[0].saying("\n".join(map(str, refused)), refused[0].capture)
     return results, [Note(Topic.LEFT_OUT, f"left out: {error}") for error in refused]
 
 

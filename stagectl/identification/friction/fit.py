@@ -24,6 +24,7 @@ from stagectl.identification.filtering import FilterDesign, decimated, design_fi
 from stagectl.identification.friction.members import FAMILY, LENGTH, SPEED, Member, Path, Searched
 from stagectl.identification.least_squares.regression import check_directions
 from stagectl.identification.simultaneous.model import DelayPrior
+from stagectl.identification.simultaneous.refinement import tangent
 from stagectl.kernels import stage
 
 
@@ -231,15 +232,7 @@ def fitted_force(fit: FrictionFit, data: Data) -> Array:
 
 def sensitivity(fit: FrictionFit, data: Data) -> Array:
     """Columns (m, t): how the model's force changes with the logarithm of each searched parameter."""
-    columns, step = [], thresholds.SENSITIVITY_STEP
-    for number in range(len(fit.theta)):
-        ends = []
-        for factor in (step, 1.0 / step):
-            theta = fit.theta.copy()
-            theta[number] *= factor
-            ends.append(fitted_force(fit._replace(theta=theta), data))
-        columns.append((ends[0] - ends[1]) / (2.0 * np.log(step)))
-    return np.array(columns).T.reshape(len(fit.residual), len(fit.theta))
+    return tangent(lambda theta: fitted_force(fit._replace(theta=theta), data), fit.theta, len(fit.residual))
 
 
 def _columns(member: Member, capture: FilteredCapture, theta: Array) -> Array:

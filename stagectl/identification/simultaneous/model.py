@@ -161,7 +161,11 @@ def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool
             np.vstack(seen.free),
             np.vstack([friction_columns.columns(x, shapes) for x in seen.paths]),
             laws.columns(law, seen.paths, best.theta.tolist(), shapes),
-            refinement.tangent(law, best, seen.paths, shapes),
+            refinement.tangent(
+                lambda theta: laws.columns(law, seen.paths, theta.tolist(), shapes) @ best.weights,
+                best.theta,
+                sum(p.rows for p in parts),
+            ),
         ]
     )
     noise = noise._replace(rows=tuple(p.rows for p in parts))
