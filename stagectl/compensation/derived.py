@@ -109,10 +109,7 @@ def _rheology(p: Friction) -> dict[str, Any]:
 def _spring(coulomb: float, x: Array, since: Array) -> Array:
     """The rheology model's force (m,) at the displacements `since` a full reversal; `x` = (ln range, exponent)."""
     law = friction_memory.Rheology(coulomb, float(np.exp(x[0])), float(x[1]))
-    path, out = (
-        np.concatenate([[0.0], -10.0 * law.range + np.concatenate([[0.0], since])]),
-        np.empty((len(since) + 2, 2)),
-    )
+    path, out = np.concatenate([[0.0, -10.0 * law.range], since - 10.0 * law.range]), np.empty((len(since) + 2, 2))
     friction_path.rheology(law, path, 1.0, out)
     return np.asarray(out[2:, 0])
 

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, each
 from stagectl.identification.filtering import FilterDesign, decimated, design_filter, filtered_motion
 from stagectl.identification.friction.members import FAMILY, LENGTH, SPEED, Member, Path, Searched
 from stagectl.identification.least_squares.regression import check_directions
@@ -79,19 +79,16 @@ def prepared(captures: Sequence[Capture], file: StageFile, delay: DelayPrior) ->
 
     Raises IdentificationError where one is too short for the filter, or all go one way only.
     """
-    data, steps, velocities = [], [], []
-    for capture in captures:
-        try:
-            design = design_filter(capture.position, capture.dt)
-            motion = filtered_motion(capture.position, design)
-        except IdentificationError as error:
-            raise error.within(capture.name) from error
+    data, velocities = [], []
+    designs = each(captures, lambda capture: design_filter(capture.position, capture.dt), lambda done, total: None)
+    for capture, design in zip(captures, designs, strict=True):
+        motion = filtered_motion(capture.position, design)
         fixed = np.column_stack([motion.acceleration, motion.velocity, np.ones(len(capture.position))])
         forces = delayed_forces(capture, design, file.motor.force_constant, delay)
         data.append(FilteredCapture(Path(motion.position, capture.dt), design, decimated(fixed, design), forces))
-        steps.append(capture.encoder_step or _resolution(capture.position))
         velocities.append(motion.velocity)
     velocity = np.concatenate(velocities)
+    steps = [capture.encoder_step or _resolution(capture.position) for capture in captures]
     try:
         check_directions(velocity)
     except IdentificationError as error:
