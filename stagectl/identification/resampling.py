@@ -139,9 +139,11 @@ def _equally_spaced(time: Array, columns: dict[str, Array], smooth: frozenset[st
     steps = np.diff(time)
     start, dt, count = _grid(time, steps)
     uneven = max(float(np.max(steps)) - dt, dt - float(np.min(steps)))
-    if count == len(time) and (uneven <= thresholds.JITTER * dt or _only_rounded(time, start, dt)):
-        return Part(start, dt, columns, "")
     grid = start + dt * np.arange(count)
+    if count == len(time):
+        rounded = bool(np.max(np.abs(time - grid)) <= thresholds.ROUNDED_STAMPS * dt)  # and not irregular
+        if rounded or uneven <= thresholds.JITTER * dt:
+            return Part(start, dt, columns, "")
     grid[-1] = time[-1]
     resampled = {
         name: np.asarray(CubicSpline(time, column)(grid) if name in smooth else np.interp(grid, time, column))
@@ -168,9 +170,3 @@ def _grid(time: Array, steps: Array) -> tuple[float, float, int]:
     if missing and float(np.max(np.abs(time - start - dt * row))) <= thresholds.ROUNDED_STAMPS * dt:
         return start, dt, int(row[-1]) + 1
     return even
-
-
-def _only_rounded(time: Array, start: float, dt: float) -> bool:
-    """Whether the stamps stay so close to equal spacing that they are rounded and not irregular."""
-    deviation = np.max(np.abs(time - (start + dt * np.arange(len(time)))))
-    return bool(deviation <= thresholds.ROUNDED_STAMPS * dt)

@@ -74,7 +74,23 @@ class FrictionFit(NamedTuple):
         return float(self.residual @ self.residual)
 
 
-def prepared(captures: Sequence[Capture], file: StageFile, delay: DelayPrior) -> tuple[list[FilteredCapture], Scale]:
+class Data(NamedTuple):
+    """Rows that a member is fitted to."""
+
+    captures: Sequence[FilteredCapture]
+    scale: Scale
+    delay: DelayPrior
+
+    def force(self, delay: float) -> Array:
+        """Force (m,) N m | N of all captures at this delay (s)."""
+        return np.concatenate([capture.forces(delay) for capture in self.captures])
+
+    def rate(self, delay: float) -> Array:
+        """Change of the force (m,) with time, N m/s | N/s."""
+        return -np.concatenate([capture.forces(delay, 1) for capture in self.captures])
+
+
+def prepared(captures: Sequence[Capture], file: StageFile, delay: DelayPrior) -> Data:
     """The captures filtered, with their force at the delays that are looked at, and the scale of their motion.
 
     Raises IdentificationError where one is too short for the filter, or all go one way only.
@@ -94,7 +110,7 @@ def prepared(captures: Sequence[Capture], file: StageFile, delay: DelayPrior) ->
     except IdentificationError as error:
         raise error.within(", ".join(capture.name for capture in captures)) from error
     stroke = max(float(np.ptp(capture.position)) for capture in captures)
-    return data, Scale(max(steps), stroke, float(np.abs(velocity).max()))
+    return Data(data, Scale(max(steps), stroke, float(np.abs(velocity).max())), delay)
 
 
 def delayed_forces(capture: Capture, design: FilterDesign, gain: float, delay: DelayPrior) -> CubicSpline:
@@ -117,22 +133,6 @@ def delayed_forces(capture: Capture, design: FilterDesign, gain: float, delay: D
     current = CubicSpline(capture.time, gain * capture.current)
     late = np.clip(capture.time[:, None] - nodes, 0.0, capture.time[-1])
     return CubicSpline(nodes, decimated(current(late), design), axis=1)
-
-
-class Data(NamedTuple):
-    """Rows that a member is fitted to."""
-
-    captures: Sequence[FilteredCapture]
-    scale: Scale
-    delay: DelayPrior
-
-    def force(self, delay: float) -> Array:
-        """Force (m,) N m | N of all captures at this delay (s)."""
-        return np.concatenate([capture.forces(delay) for capture in self.captures])
-
-    def rate(self, delay: float) -> Array:
-        """Change of the force (m,) with time, N m/s | N/s."""
-        return -np.concatenate([capture.forces(delay, 1) for capture in self.captures])
 
 
 def fitted(

@@ -16,7 +16,6 @@ from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction import closed_loop, comparison
 from stagectl.identification.friction.comparison import FIRST, Basis, bic
 from stagectl.identification.friction.fit import (
-    Data,
     FrictionFit,
     fitted,
     plant,
@@ -26,7 +25,6 @@ from stagectl.identification.friction.fit import (
 from stagectl.identification.friction.members import FAMILY
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.identification.simultaneous.estimate import known_delay
-from stagectl.identification.simultaneous.model import DelayPrior
 from stagectl.identification.thresholds import NORMAL_95
 from stagectl.kernels import stage
 from stagectl.units import Quantity
@@ -46,7 +44,7 @@ def identify(
     Each member has its own `delay` (s) between current and position where it is None.
     Raises IdentificationError where the captures do not determine inertia and friction.
     """
-    basis = _basis(captures, file, delay)
+    basis = Basis(prepared(captures, file, known_delay(captures, file, delay)), captures, file)
     fits: list[FrictionFit] = []
     rows: list[dict[str, Any]] = []
     for number, name in enumerate(FAMILY):
@@ -69,12 +67,6 @@ def identify(
         text = comparison.error_text(details["published"])
         notes.append(Note(Topic.METHOD, f"published for this record, four parameters and a delay: {text}"))
     return result._replace(details=details, notes=(*notes, *result.notes))
-
-
-def _basis(captures: list[Capture], file: StageFile, delay: float | None) -> Basis:
-    """The captures filtered, with what is known of the delay."""
-    known = known_delay(captures, file) if delay is None else DelayPrior(delay, 0.0)
-    return Basis(Data(*prepared(captures, file, known), known), captures, file)
 
 
 def _result(fit: FrictionFit, basis: Basis) -> IdentificationResult:

@@ -61,7 +61,7 @@ def identify(
         raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=file.axis.kind, admissible=ROTARY)
     used, left_out = accepted(captures, lambda capture: conditions.checked(capture, file))
     progress(1, 5)
-    known = known_delay(used, file) if delay is None else DelayPrior(delay, 0.0)
+    known = known_delay(used, file, delay)
     rows = problem(_parts(used, known), file, known, gravity)
     progress(3, 5)
     fitted = estimated(answered(rows))
