@@ -45,7 +45,7 @@ def recorded(name: str, entries: Mapping[str, Any]) -> Any:
 
 def name_of(compensator: Any) -> str:
     """The name of a compensator."""
-    return next(name for name, kind in FORMS.items() if type(compensator) is kind)
+    return next(name for name, kind in FORMS.items() if isinstance(compensator, kind))
 
 
 def named(name: str, acting: Any, compared: Compensators) -> Any:

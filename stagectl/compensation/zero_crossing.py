@@ -63,10 +63,14 @@ class Exponential(NamedTuple):
         return _in_time(cut, self, lambda t: np.exp(-t / self.after))
 
 
-class Gaussian(Exponential):
+class Gaussian(NamedTuple):
     """Exponential towards the crossing, gaussian behind it: friction is a spring before it slides."""
 
-    __slots__ = ()
+    before: Annotated[float, _BEFORE]
+    after: Annotated[float, _AFTER]
+    static: Annotated[float, _STATIC]
+    positive: Annotated[float, _POSITIVE]
+    negative: Annotated[float, _NEGATIVE]
 
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known."""
@@ -108,7 +112,7 @@ class Symmetric(NamedTuple):
         return np.asarray(way * (constant + (self.static - constant) * near), dtype=np.float64)
 
 
-Form = Exponential | Displacement | Symmetric
+Form = Exponential | Gaussian | Displacement | Symmetric
 
 FORMS: dict[str, type[Form]] = {
     "exponential": Exponential,
@@ -123,7 +127,7 @@ def _constant(p: Form, cut: Legs) -> Array:
     return np.where(cut.way > 0.0, p.positive, np.where(cut.way < 0.0, p.negative, 0.0))
 
 
-def _in_time(cut: Legs, p: Exponential, decay: Callable[[Array], Array]) -> Array:
+def _in_time(cut: Legs, p: Exponential | Gaussian, decay: Callable[[Array], Array]) -> Array:
     """Friction along all legs: the rise to the next crossing, and `decay` of the time since the last."""
     rise, first = np.exp(-cut.until / p.before), np.exp(-cut.duration / p.before)
     constant = _constant(p, cut)
@@ -137,7 +141,7 @@ def _in_time(cut: Legs, p: Exponential, decay: Callable[[Array], Array]) -> Arra
     return np.asarray(way * steady + tail, dtype=np.float64)
 
 
-def _jumps(cut: Legs, p: Exponential, top: Array, remaining: Array) -> Array:
+def _jumps(cut: Legs, p: Exponential | Gaussian, top: Array, remaining: Array) -> Array:
     """Force (m,) N m | N by which each leg begins off its curve; the share `remaining` of it is left at its end."""
     jump = np.zeros(len(top))
     held = 0.0  # after assembly, and at the start of every reference

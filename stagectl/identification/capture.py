@@ -76,8 +76,9 @@ class IdentificationError(StageError):
 
     def saying(self, message: str, capture: str) -> Self:
         """The same refusal in other words."""
-        fields = {"value": self.value, "unit": self.unit, "admissible": self.admissible}
-        return type(self)(message, self.reason, capture=capture, **fields)
+        return type(self)(
+            message, self.reason, capture=capture, value=self.value, unit=self.unit, admissible=self.admissible
+        )
 
 
 class Capture(NamedTuple):
@@ -148,21 +149,3 @@ def check_excited(capture: Capture) -> None:
             "amplitude, or check that the drive was enabled"
         )
         raise IdentificationError(text, Refusal.AT_REST, value=travel, unit=unit, admissible=f"({least:g}, inf)")
-
-
-def reversals(position: Array, travel: float) -> list[int]:
-    """Rows of the extremes with at least this `travel` (rad | m) before and after them."""
-    rows: list[int] = []
-    direction, (low, at_low), (high, at_high) = 0, (float(position[0]), 0), (float(position[0]), 0)
-    for k, x in enumerate(position.tolist()):
-        if x > high:
-            high, at_high = x, k
-        if x < low:
-            low, at_low = x, k
-        if direction >= 0 and high - x > travel:
-            rows += [at_high] * (direction > 0)
-            direction, low, at_low = -1, x, k
-        elif direction <= 0 and x - low > travel:
-            rows += [at_low] * (direction < 0)
-            direction, high, at_high = 1, x, k
-    return rows

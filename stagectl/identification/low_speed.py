@@ -28,7 +28,7 @@ from scipy import optimize, stats
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each, reversals
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.units import ROTARY
 
@@ -90,7 +90,7 @@ def full_strokes(capture: Capture, force_constant: float) -> list[Stroke]:
     """
     check_excited(capture)
     position, force = _blocks(capture, force_constant)
-    turns = reversals(position, thresholds.STROKE_TURN * float(np.ptp(position)))
+    turns = _reversals(position)
     strokes: list[Stroke] = []
     before = 0
     for first, last in itertools.pairwise(turns):
@@ -114,6 +114,24 @@ def _blocks(capture: Capture, force_constant: float) -> tuple[Array, Array]:
     rows = len(capture.time) // size * size
     position = capture.position[:rows].reshape(-1, size).mean(axis=1)
     return position, force_constant * capture.current[:rows].reshape(-1, size).mean(axis=1)
+
+
+def _reversals(position: Array) -> list[int]:
+    """Rows of the extremes after which the axis returns by a quarter of its whole range."""
+    back = thresholds.STROKE_TURN * float(np.ptp(position))
+    turns: list[int] = []
+    low = high = 0
+    direction = 0
+    for k, x in enumerate(position.tolist()):
+        if x > position[high]:
+            high = k
+        if x < position[low]:
+            low = k
+        if direction >= 0 and position[high] - x > back:
+            turns, direction, low = turns + [high] * (direction > 0 or high > 0), -1, k
+        elif direction <= 0 and x - position[low] > back:
+            turns, direction, high = turns + [low] * (direction < 0 or low > 0), 1, k
+    return turns
 
 
 def fitted(strokes: list[Stroke], encoder_step: float) -> OperatorFit:

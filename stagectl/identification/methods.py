@@ -12,10 +12,9 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.catalogue import METHODS, Method, listed
-from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic
+from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic, si_unit
 from stagectl.problem import nearest
 from stagectl.typed_json import plain
-from stagectl.units import LINEAR
 
 _INPUTS = ("captures", "file", "progress")  # arguments of a method that are no options
 
@@ -115,6 +114,6 @@ def _capture(capture: Capture) -> dict[str, Any]:
 
 
 def _table(table: Characteristic, setup: Setup) -> dict[str, Any]:
-    length, force = ("m", "N") if setup.file.axis.kind == LINEAR else ("rad", "N m")
+    length, force = (si_unit(units, setup.file.axis.kind) for units in ("rad | m", "N m | N"))
     units = {"displacement": length, "force": force, "weight": force, "slip": length}
     return {**plain(table), "units": units}

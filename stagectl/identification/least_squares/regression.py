@@ -92,15 +92,6 @@ class RegressionResult(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-class Rows(NamedTuple):
-    """All records as one regression."""
-
-    regressor: Array  # (m, k)
-    force: Array  # (m,) N m | N
-    weight: Array  # (m,)
-    ends: NDArray[np.int64]  # rows at which one record ends and the next begins
-
-
 class FilteredRecord(NamedTuple):
     """One record as rows of the regression."""
 
@@ -136,7 +127,7 @@ def solved(records: Sequence[FilteredRecord], model: RegressionModel) -> Regress
     force = np.concatenate([record.force for record in records])
     ends = np.cumsum([len(record.force) for record in records])[:-1]
     weight = _weight(regressor, force, ends) if len(records) > 1 else np.ones(len(force))
-    result = _solved(Rows(regressor, force, weight, ends), model)
+    result = _solved(model, regressor, force, weight, ends)
     share = np.concatenate([record.share for record in records])
     doubt = after_reversals(result.residual, share, result.estimates["coulomb"].value)
     notes = dict.fromkeys(note for record in records for note in record.notes)  # each once
@@ -214,10 +205,15 @@ def _treatment(design: FilterDesign, standing: float) -> list[str]:
     return notes
 
 
-def _solved(rows: Rows, model: RegressionModel) -> RegressionResult:
-    """Solve with columns of unit length: neither rounding nor the condition depends on the units."""
-    length = np.linalg.norm(rows.regressor, axis=0)
-    condition = float(np.linalg.cond(rows.regressor / length)) if np.all(length > 0.0) else math.inf
+def _solved(
+    model: RegressionModel, regressor: Array, force: Array, weight: Array, ends: NDArray[np.int64]
+) -> RegressionResult:
+    """Solve for rows (m,) with columns of unit length: neither rounding nor the condition depends on the units.
+
+    `ends` are the rows at which one record ends and the next begins.
+    """
+    length = np.linalg.norm(regressor, axis=0)
+    condition = float(np.linalg.cond(regressor / length)) if np.all(length > 0.0) else math.inf
     if not condition <= thresholds.WORST_CONDITION:
         raise IdentificationError(
             f"condition of the regressor = {condition:.3g}; must lie in [1, {thresholds.WORST_CONDITION:g}]: the "
@@ -226,20 +222,20 @@ def _solved(rows: Rows, model: RegressionModel) -> RegressionResult:
             value=condition,
             admissible=f"[1, {thresholds.WORST_CONDITION:g}]",
         )
-    unit, force = rows.weight[:, None] * rows.regressor / length, rows.weight * rows.force
-    scaled, *_ = np.linalg.lstsq(unit, force, rcond=None)
-    values, residual = scaled / length, force - unit @ scaled
+    unit, weighted = weight[:, None] * regressor / length, weight * force
+    scaled, *_ = np.linalg.lstsq(unit, weighted, rcond=None)
+    values, residual = scaled / length, weighted - unit @ scaled
     matrix = model.reported()
-    covariance = standard_errors.covariance(unit, residual, rows.ends) / np.outer(length, length)
+    covariance = standard_errors.covariance(unit, residual, ends) / np.outer(length, length)
     reported = matrix @ covariance @ matrix.T
     deviation = np.sqrt(np.diag(reported))
     estimates = map(Estimate, (matrix @ values).tolist(), deviation.tolist())
     return RegressionResult(
         dict(zip(model.names, estimates, strict=True)),
-        100.0 * float(np.linalg.norm(residual / rows.weight) / np.linalg.norm(rows.force)),
+        100.0 * float(np.linalg.norm(residual / weight) / np.linalg.norm(force)),
         condition,
         reported[:4, :4] / np.outer(deviation[:4], deviation[:4]),
-        rows.force - rows.regressor @ values,
+        force - regressor @ values,
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Capture, IdentificationError, Refusal, reversals
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
 from stagectl.identification.simultaneous.regressors import (
     HALF,
     KNOTS,
@@ -64,7 +64,8 @@ def _check_motion(capture: Capture, file: StageFile) -> None:
 
 def _check_reversals(capture: Capture) -> None:
     """The paper's two conditions."""
-    if _turns(capture) == 0:
+    stroke = float(np.ptp(capture.position))
+    if reversals(capture.position, thresholds.REVERSAL_TRAVEL * stroke) == 0:
         text = (
             "the motion has 0 reversals; must have at least 1, as without one the rolling friction "
             "does not appear (first condition of the paper): record a motion there and back, such as a current sine"
@@ -117,7 +118,8 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
 
 def _widest(capture: Capture) -> float:
     """Longest time (s) over which an acceleration may be averaged: the slower the motion, the longer."""
-    stroke = len(capture.position) * capture.dt / (1 + _turns(capture))
+    strokes = 1 + reversals(capture.position, thresholds.REVERSAL_TRAVEL * float(np.ptp(capture.position)))
+    stroke = len(capture.position) * capture.dt / strokes
     return max(thresholds.LONGEST_WINDOW, thresholds.WINDOW_SHARE * stroke)
 
 
@@ -150,10 +152,20 @@ def _noise_share(capture: Capture) -> float:
     return position_noise(capture) * math.sqrt(float(weights @ weights)) / max(rms, 1e-300)
 
 
-def _turns(capture: Capture) -> int:
-    """Number of reversals with a share of the stroke before and after them."""
-    position = capture.position[:: max(1, len(capture.position) // 5000)]
-    return len(reversals(position, thresholds.REVERSAL_TRAVEL * float(np.ptp(capture.position))))
+def reversals(position: Array, travel: float) -> int:
+    """Number of reversals with at least this `travel` before and after them."""
+    count, heading, outermost = 0, 0, float(position[0])
+    lowest = highest = outermost
+    for x in position[:: max(1, len(position) // 5000)].tolist():
+        lowest, highest = min(lowest, x), max(highest, x)
+        if heading == 0:
+            heading = 1 if x - lowest >= travel else -1 if highest - x >= travel else 0
+            outermost = x
+        elif heading * (x - outermost) > 0.0:
+            outermost = x
+        elif heading * (outermost - x) >= travel:
+            count, heading, outermost = count + 1, -heading, x
+    return count
 
 
 def _same_sign(capture: Capture) -> bool:

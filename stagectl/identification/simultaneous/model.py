@@ -121,7 +121,7 @@ class Problem(NamedTuple):
         """Sum of squares (k,) of the whitened residual at each delay with its `theta` (m, k); at least rounding's."""
         explained = np.sum(theta * (self.gram @ theta), axis=0) + self.acceleration_noise * theta[ACCELERATION] ** 2
         square = forces.square - 2.0 * np.sum(theta * forces.right, axis=0) + explained
-        return np.maximum(square, thresholds.LEAST_RESIDUAL**2 * forces.square)
+        return np.asarray(np.maximum(square, thresholds.LEAST_RESIDUAL**2 * forces.square))
 
     def prior(self, scales: Scales) -> gaussian.Prior:
         """Of all columns, with these scales of the groups."""

@@ -130,7 +130,7 @@ def of(residual: Array, rows: Sequence[int], window: Array) -> Whitening:
     def criterion(weights: Array) -> float:
         """Schwarz': the prediction error's power, and what a filter's order costs."""
         power = float(weights @ products[: len(weights)])
-        return independent * math.log(power) + (len(weights) - 1) * math.log(independent)
+        return float(independent * math.log(power) + (len(weights) - 1) * math.log(independent))
 
     return Whitening(min((_predictor(products[: p + 1]) for p in range(most + 1)), key=criterion), tuple(rows))
 
