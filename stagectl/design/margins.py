@@ -32,21 +32,18 @@ def margins(p: stage.Stage, designed: Feedback, dt: float, watching: observer.Ob
 
     Raises DesignError where the stage's numbers are too extreme to compute with.
     """
-    with computable(p):
-        return _margins(p, with_observer(compensator(designed, dt), watching), dt)
-
-
-def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
     frequency = np.geomspace(LOWEST / dt, 0.5 / dt, FREQUENCIES)
-    moved, z = plant(p, dt), np.exp(2j * np.pi * frequency * dt)
-    loop = moved.at(z) * controller.at(z)
-    phase = np.unwrap(np.angle(loop))
-    phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
-    stable = bool(np.max(np.abs(_poles(moved, controller))) < 1.0)
-    crossover, margin = _phase_margin(frequency, np.log(np.abs(loop)), phase)
-    gain = _gain_margin(np.abs(loop), phase)
-    delay = margin / (2.0 * np.pi * crossover) if crossover > 0.0 else math.inf
-    return Margins(margin, gain, crossover, delay, stable)
+    with computable(p):
+        moved, controller = plant(p, dt), with_observer(compensator(designed, dt), watching)
+        z = np.exp(2j * np.pi * frequency * dt)
+        loop = moved.at(z) * controller.at(z)
+        phase = np.unwrap(np.angle(loop))
+        phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
+        stable = bool(np.max(np.abs(_poles(moved, controller))) < 1.0)
+        crossover, margin = _phase_margin(frequency, np.log(np.abs(loop)), phase)
+        gain = _gain_margin(np.abs(loop), phase)
+        delay = margin / (2.0 * np.pi * crossover) if crossover > 0.0 else math.inf
+        return Margins(margin, gain, crossover, delay, stable)
 
 
 def limit_cycle_frequency(
