@@ -154,15 +154,15 @@ def columns(p: Path, s: Shapes) -> Array:
 def _columns(p: Path, s: Shapes) -> Iterator[Array]:
     for slip in s.slip:
         yield p.smoothed(operator(p.position, slip))
-    for exponent in (1.0, 2.0):
-        for length in s.length:
-            yield p.smoothed(_bristle(p.position, length, exponent))
+    bent = [_bristle(p.position, length, 1.0) for length in s.length]
+    for state in (*bent, *(_bristle(p.position, length, 2.0) for length in s.length)):
+        yield p.smoothed(state)
     for slip in s.graded:
         state = operator(p.position, slip)
         for speed in s.speed:
             yield p.smoothed(state * np.exp(-np.abs(p.velocity) / speed))
-    for length in s.length:
-        yield _unit(p.smoothed(_bristle(p.position, length, 1.0), 1))
+    for state in bent:
+        yield _unit(p.smoothed(state, 1))
     state = operator(p.position, float(s.graded[0]))
     for speed in s.speed:
         yield _unit(p.smoothed(state * np.exp(-np.abs(p.velocity) / speed), 1))
