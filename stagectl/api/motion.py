@@ -14,7 +14,7 @@ from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
 from stagectl.recording.hdf5 import open_recording
 from stagectl.simulation import FrictionLaw
-from stagectl.trajectories.top_speed import unreached
+from stagectl.trajectories.profiles import unreached
 from stagectl.workflows import motion as workflow
 from stagectl.workflows import simulated_motion
 

@@ -35,34 +35,6 @@ from stagectl.design.margins import (
 from stagectl.kernels import feedback, feedforward, law, observer, stage, unloading
 from stagectl.problem import Problem, ProblemKind
 
-__all__ = [
-    "CascadeControl",
-    "Control",
-    "Controller",
-    "DesignError",
-    "Feedback",
-    "Layer",
-    "Margins",
-    "Rational",
-    "Settings",
-    "cascaded",
-    "compensator",
-    "design",
-    "designed_feedback",
-    "designed_observer",
-    "gains",
-    "law_of",
-    "limit_cycle_frequency",
-    "limit_cycle_warning",
-    "loop_parts",
-    "margins",
-    "observer_bandwidth",
-    "plant",
-    "settles",
-    "speed",
-    "with_observer",
-]
-
 
 class Controller(NamedTuple):
     """What runs: the law period by period, and what is computed from the trajectory beforehand."""

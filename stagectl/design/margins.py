@@ -38,21 +38,18 @@ def margins(p: stage.Stage, designed: Feedback, dt: float, watching: observer.Ob
 
     Raises DesignError where the stage's numbers are too extreme to compute with.
     """
-    with computable(p):
-        return _margins(p, with_observer(compensator(designed, dt), watching), dt)
-
-
-def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
     frequency = np.geomspace(LOWEST / dt, 0.5 / dt, FREQUENCIES)
-    moved, z = plant(p, dt), np.exp(2j * np.pi * frequency * dt)
-    loop = moved.at(z) * controller.at(z)
-    phase = np.unwrap(np.angle(loop))
-    phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
-    stable = settles(_characteristic(moved, controller))
-    crossover, margin = _phase_margin(frequency, np.log(np.abs(loop)), phase)
-    gain = _gain_margin(np.abs(loop), phase)
-    delay = margin / (2.0 * np.pi * crossover) if crossover > 0.0 else math.inf
-    return Margins(margin, gain, crossover, delay, stable)
+    with computable(p):
+        moved, controller = plant(p, dt), with_observer(compensator(designed, dt), watching)
+        z = np.exp(2j * np.pi * frequency * dt)
+        loop = moved.at(z) * controller.at(z)
+        phase = np.unwrap(np.angle(loop))
+        phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
+        stable = settles(_characteristic(moved, controller))
+        crossover, margin = _phase_margin(frequency, np.log(np.abs(loop)), phase)
+        gain = _gain_margin(np.abs(loop), phase)
+        delay = margin / (2.0 * np.pi * crossover) if crossover > 0.0 else math.inf
+        return Margins(margin, gain, crossover, delay, stable)
 
 
 def limit_cycle_frequency(
@@ -67,7 +64,7 @@ def limit_cycle_frequency(
     """
     with computable(p):
         controller = with_observer(compensator(designed, dt), watching)
-        poles = 1.0 + np.roots(_characteristic(_plant(p, dt, held=True), controller))
+        poles = 1.0 + np.roots(_characteristic(plant(p, dt, held=True), controller))
     worst = poles[np.argmax(np.abs(poles))]
     return float(abs(np.angle(worst))) / (2.0 * np.pi * dt) if abs(worst) >= 1.0 else None
 
@@ -173,12 +170,11 @@ def _cascade(p: cascade.Cascade) -> Rational:
     return Rational(numerator, np.polymul(np.polymul(last, integrator), [1.0, 1.0 - p.retained]))
 
 
-def plant(p: stage.Stage, dt: float) -> Rational:
-    """From the command to the measured position: zero-order hold, current loop, inertia, nd + nm periods, dead time."""
-    return _plant(p, dt, held=False)
+def plant(p: stage.Stage, dt: float, held: bool = False) -> Rational:
+    """From the command to the measured position: zero-order hold, current loop, inertia, nd + nm periods, dead time.
 
-
-def _plant(p: stage.Stage, dt: float, held: bool) -> Rational:
+    `held`: while friction holds the axis.
+    """
     change, by_command = _sampled(p, dt, held)
     whole, part = divmod(p.drive.dead_time, dt)
     if part > 0.0:

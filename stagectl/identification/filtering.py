@@ -62,12 +62,8 @@ def design_filter(position: Array, dt: float, share: float = 1.0) -> FilterDesig
     design = FilterDesign(cutoff, kept, dt)
     least = thresholds.FILTERED_LEAST_ROWS * kept + 2 * design.edge
     if len(position) < least:
-        raise IdentificationError(
-            f"record of {len(position)} samples; must have at least {least}: record longer",
-            Refusal.TOO_SHORT,
-            value=len(position),
-            admissible=f"[{least}, inf)",
-        )
+        text = f"record of {len(position)} samples; must have at least {least}: record longer"
+        raise IdentificationError(text, Refusal.TOO_SHORT, value=len(position), admissible=f"[{least}, inf)")
     return design
 
 

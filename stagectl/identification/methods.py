@@ -12,10 +12,9 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.catalogue import METHODS, Method, listed
-from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic
+from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic, si_unit
 from stagectl.problem import nearest
 from stagectl.typed_json import plain
-from stagectl.units import LINEAR
 
 _INPUTS = ("captures", "file", "progress")  # arguments of a method that are no options
 
@@ -35,12 +34,8 @@ def identify(
             reason = f"{foreign[0]} is not an option of {name}: did you mean {near}?"
             raise IdentificationError(reason, Refusal.UNKNOWN_OPTION, value=foreign[0], admissible=near)
         own = [f"--{option}" for option in options if option in known]
-        raise IdentificationError(
-            f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}",
-            Refusal.UNKNOWN_OPTION,
-            value=foreign[0],
-            admissible=", ".join(own),
-        )
+        text = f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}"
+        raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=foreign[0], admissible=", ".join(own))
     result: IdentificationResult = solve(list(captures), file, progress=progress, **given)
     return result
 
@@ -119,6 +114,6 @@ def _capture(capture: Capture) -> dict[str, Any]:
 
 
 def _table(table: Characteristic, setup: Setup) -> dict[str, Any]:
-    length, force = ("m", "N") if setup.file.axis.kind == LINEAR else ("rad", "N m")
+    length, force = (si_unit(units, setup.file.axis.kind) for units in ("rad | m", "N m | N"))
     units = {"displacement": length, "force": force, "weight": force, "slip": length}
     return {**plain(table), "units": units}

@@ -24,9 +24,14 @@ UNITS = {  # SI unit of a parameter on a rotary and on a linear axis; by the fir
 }
 
 
+def si_unit(units: str, kind: str) -> str:
+    """That of the units ``rotary | linear`` which an axis of this `kind` has."""
+    return Quantity(units, "", "").unit_for(kind)
+
+
 def unit_of(name: str, kind: str) -> str:
     """SI unit of the parameter `name` on an axis of this `kind`."""
-    return Quantity(UNITS[name.split("_")[0]], "", "").unit_for(kind)
+    return si_unit(UNITS[name.split("_")[0]], kind)
 
 
 class Parameter(NamedTuple):

@@ -21,7 +21,7 @@ from stagectl.plan import Plan, Start, plan
 from stagectl.problem import Problem, ProblemKind
 from stagectl.service.limits import PLANNED_ROWS
 from stagectl.trajectories import Experiment, SCurve, phases
-from stagectl.trajectories.top_speed import unreached
+from stagectl.trajectories.profiles import unreached
 from stagectl.units import StageError
 
 LEAST = 1e-9  # m/s | m/s^2, rad/s | rad/s^2 of travel: the least that a profile is computed with

@@ -66,13 +66,11 @@ def _check_reversals(capture: Capture) -> None:
     """The paper's two conditions."""
     stroke = float(np.ptp(capture.position))
     if reversals(capture.position, thresholds.REVERSAL_TRAVEL * stroke) == 0:
-        raise IdentificationError(
+        text = (
             "the motion has 0 reversals; must have at least 1, as without one the rolling friction "
-            "does not appear (first condition of the paper): record a motion there and back, such as a current sine",
-            Refusal.NO_REVERSAL,
-            value=0,
-            admissible="[1, inf)",
+            "does not appear (first condition of the paper): record a motion there and back, such as a current sine"
         )
+        raise IdentificationError(text, Refusal.NO_REVERSAL, value=0, admissible="[1, inf)")
     if not _same_sign(capture):
         raise IdentificationError(
             "the motion has no span in which velocity and acceleration have the same sign; must have one, as an "
@@ -134,14 +132,12 @@ def _check_power(capture: Capture) -> None:
     share = float(np.mean(velocity * current)) / size if size > 0.0 else 0.0
     if share >= thresholds.BRAKED:
         return
-    raise IdentificationError(
+    text = (
         f"current and velocity have opposite signs (correlation {share:.2f}; must be at least "
         f"{thresholds.BRAKED:g}), which would make friction negative; positive current must move the axis towards "
-        "positive positions: turn the sign of one of the two columns",
-        Refusal.OPPOSITE_SIGN,
-        value=share,
-        admissible=f"[{thresholds.BRAKED:g}, 1]",
+        "positive positions: turn the sign of one of the two columns"
     )
+    raise IdentificationError(text, Refusal.OPPOSITE_SIGN, value=share, admissible=f"[{thresholds.BRAKED:g}, 1]")
 
 
 def _travel(value: float, file: StageFile) -> str:
