@@ -16,7 +16,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.export import ExportedModel, ExportError, lost, random_numbers
+from stagectl.interchange.export import ExportedModel, ExportError
 from stagectl.interchange.fmu import description, model_header
 from stagectl.interchange.fmu.variables import variables
 from stagectl.interchange.round_trip import Array, Simulated, compared
@@ -113,15 +113,19 @@ def to_fmu(setup: Setup, path: Path) -> ExportedModel:
     wrong = findings(path)
     if wrong:
         raise ExportError(f"FMPy's validation finds in {path}: {'; '.join(wrong)}")
-    simulator, losses = f"FMPy {fmpy.__version__}", [*lost(setup, _HELD), *random_numbers(setup)]
+    simulator, losses = f"FMPy {fmpy.__version__}", _random_numbers(setup)
     if command is None:
         return ExportedModel(simulator, (path,), {}, losses, (NO_COMPILER.format(path=path),))
     variants = {path.name: compared(setup, simulated(setup, path))}
     return ExportedModel(simulator, (path,), variants, losses, ("FMPy's validation: no findings.",))
 
 
-# All of the plant, as the source is that of the kernels; only random numbers are drawn outside.
-_HELD: dict[str, set[str]] = {"residual": set()}
+def _random_numbers(setup: Setup) -> list[str]:
+    """What the FMU does not hold: all of the plant is in the kernels' source, random numbers are drawn outside."""
+    p = setup.file.simulation
+    drawn = {"drive.jitter": setup.stage.drive.jitter, "simulation.current_noise": p.current_noise}
+    drawn |= {"simulation.encoder_noise": p.encoder_noise}
+    return [f"{name} = {value:.4g}: it draws random numbers" for name, value in drawn.items() if value]
 
 
 def findings(path: Path) -> list[str]:
