@@ -157,14 +157,9 @@ def whole_step(p: Filters, learned: Array, error: Array, gain: float) -> Array:
     weighted = error * p.weight
     length = 2 * (len(p.inverse) - 1)
     ahead = np.fft.irfft(p.inverse * np.fft.rfft(weighted, length), length)[: len(error)]
-    return _smoothed(p, learned + gain * feedback_current(p.law, weighted)) + gain * ahead
-
-
-def _smoothed(p: Filters, current: Array) -> Array:
-    smooth: Array = scipy.signal.sosfiltfilt(
-        p.sections, current, padtype="constant", padlen=min(len(current) - 1, PADDING)
-    )
-    return smooth
+    current, padding = learned + gain * feedback_current(p.law, weighted), min(len(learned) - 1, PADDING)
+    smooth: Array = scipy.signal.sosfiltfilt(p.sections, current, padtype="constant", padlen=padding)
+    return smooth + gain * ahead
 
 
 def initial_state(count: int) -> LearningState:

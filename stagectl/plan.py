@@ -123,10 +123,14 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
 
 def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:
     """Friction (n,) N m | N to compensate that is not of stop operators; None where there is none."""
-    if not isinstance(setup.file.compensation, Model):
-        return _compensation(setup, motion, len(seen.reference))
+    compensation, dt = setup.file.compensation, setup.dt
+    if not isinstance(compensation, Model):  # the form that the stage file chose, at t + L + Ts/2
+        t: Array = dt * np.arange(len(seen.reference), dtype=np.float64) + (command_delay(setup) + 0.5 * dt)
+        place, speed = _at(setup, motion, t).T
+        force: Array = compensation.along(legs(place, speed, dt))
+        return force
     bristle = setup.stage.friction.bristle
-    return bristle_force(bristle, seen, setup.dt) if bristle.coulomb > 0.0 else None
+    return bristle_force(bristle, seen, dt) if bristle.coulomb > 0.0 else None
 
 
 def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
@@ -140,14 +144,6 @@ def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
         rows[opened, SETPOINT_COLUMNS[name]] = 0.0
     if parts.opens == 0.0:
         check_open(setup, rows[:, SETPOINT_COLUMNS["injection"]])
-
-
-def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
-    """Friction (n,) N m | N along the reference by the form that the stage file chose, at t + L + Ts/2."""
-    t: Array = setup.dt * np.arange(count, dtype=np.float64) + (command_delay(setup) + 0.5 * setup.dt)
-    place, speed = _at(setup, motion, t).T
-    force: Array = setup.file.compensation.along(legs(place, speed, setup.dt))
-    return force
 
 
 def bristle_force(p: Bristle, seen: Foreseen, dt: float) -> Array:
@@ -164,11 +160,10 @@ def _excitation(parts: Phases) -> tuple[Span, ...]:
     return tuple(span._replace(start=span.start + parts.start, end=span.end + parts.start) for span in spans)
 
 
-def foresee(setup: Setup, trajectory: Trajectory, duration: float | None = None) -> Foreseen:
-    """The trajectory at the instants that the feedforward needs, by the delay rule; `duration` (s) if not its own."""
+def foresee(setup: Setup, trajectory: Trajectory, duration: float) -> Foreseen:
+    """The trajectory over `duration` (s), at the instants that the feedforward needs, by the delay rule."""
     dt, lead = setup.dt, command_delay(setup)
-    whole = trajectory.duration if duration is None else duration
-    t: Array = dt * np.arange(2 * math.ceil((whole + SETTLE) / (2.0 * dt)) + 2, dtype=np.float64)
+    t: Array = dt * np.arange(2 * math.ceil((duration + SETTLE) / (2.0 * dt)) + 2, dtype=np.float64)
     late = _at(setup, trajectory, t - setup.stage.encoder.delay_samples * dt)
     friction = _at(setup, trajectory, t[:-2] + (lead + 0.5 * dt))
     return Foreseen(_at(setup, trajectory, t[:-2])[:, 0], _at(setup, trajectory, t + lead), late, friction[:, 0])

@@ -57,15 +57,13 @@ class Quantity(NamedTuple):
 
     def unit_for(self, axis: str) -> str:
         """SI unit on a rotary or linear axis; an empty string for a pure number."""
-        parts = [part.strip() for part in self.unit.split("|")]
-        return parts[-1] if axis == LINEAR else parts[0]
+        return unit_on(axis, self.unit)
 
     def admits(self, value: float) -> bool:
         """Whether `value` (SI) lies in the interval; NaN never does."""
         low, high = self.bounds()
-        above = value > low if self.interval[0] == "(" else value >= low
-        below = value < high if self.interval[-1] == ")" else value <= high
-        return above and below
+        at_end = (value == low and self.interval[0] == "[") or (value == high and self.interval[-1] == "]")
+        return low < value < high or at_end
 
     def interval_in(self, unit: str, scale: float = 0.0) -> str:
         """The interval in `unit`, whose `scale` a lead may decide: ``[0, 1.5]`` rad is ``[0, 85.9] deg``."""
@@ -76,6 +74,12 @@ class Quantity(NamedTuple):
         """Both ends of the interval (SI)."""
         low, high = self.interval[1:-1].split(",")
         return float(low), float(high)
+
+
+def unit_on(axis: str, unit: str) -> str:
+    """Of a unit that names both, ``rad | m``, that on a rotary or linear axis."""
+    parts = [part.strip() for part in unit.split("|")]
+    return parts[-1] if axis == LINEAR else parts[0]
 
 
 def quantity_of(hint: Any) -> Quantity | None:
@@ -130,8 +134,10 @@ _VALUE = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?
 _POWER = r"[A-Za-zµμ°Ω%‰]+(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1(?= ?/)|{_POWER})(?:(?: ?[*·/] ?| ){_POWER}){{0,8}}")
 _FACTOR = re.compile(r"(/ ?)?([A-Za-zµμ°Ω%‰]+)(?:(?:\^|\*\*)(-?[1-9]))?")
-_LIKELY = 8  # known names that a mistyped one is compared with
-_LONGEST = 80  # characters of a value; no expression may keep the parsers busy
+_LIKELY, _LONGEST = (
+    8,
+    80,
+)  # known names that a mistyped one is compared with; characters of a value, or parsers are busy
 
 
 class _UnknownUnitError(Exception):
@@ -249,16 +255,13 @@ def _stranger(text: str) -> str:
 
 def _product(scales: Iterable[tuple[float, int]]) -> float:
     """Powers of equal scales are added first: ``mm/mm`` is 1 exactly."""
-    above: Counter[float] = Counter()
-    below: Counter[float] = Counter()
+    powers: Counter[float] = Counter()
     for scale, exponent in scales:
-        (above if exponent > 0 else below)[scale] += exponent
+        powers[scale] += exponent
     value = 1.0
     try:
-        for scale in above:
-            value *= scale ** max(above[scale] + below[scale], 0)
-        for scale in below:
-            value *= scale ** min(above[scale] + below[scale], 0)
+        for scale, exponent in sorted(powers.items(), key=lambda power: power[1] < 0):
+            value *= scale**exponent
     except OverflowError:
         return math.inf
     return value

@@ -12,7 +12,7 @@ from stagectl.api.arguments import terminal
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, stream
 from stagectl.number_format import NORMAL, duration
-from stagectl.units import Quantity, StageError
+from stagectl.units import StageError, unit_on
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -85,7 +85,7 @@ def _ended(now: dict[str, Any]) -> str:
 def _table(now: dict[str, Any]) -> Group:
     from rich.console import Group
 
-    effort = Quantity("N m | N", "", "").unit_for(now["kind"])
+    effort = unit_on(now["kind"], "N m | N")
     title = f"{now['name']}: {now['time']:.1f} s of the run, last {now['covered']:.0f} s"
     cuts = _titled(title, "check", "residual", "meaning")
     residual = now["residual"]

@@ -20,7 +20,7 @@ from stagectl.kernels.effects import TURN
 from stagectl.kernels.stage import Stage, sliding
 from stagectl.number_format import duration, length
 from stagectl.problem import Problem, ProblemKind
-from stagectl.units import LINEAR
+from stagectl.units import LINEAR, unit_on
 
 TOO_DAMPED = 20.0  # times the current's force, that the damping may take at limits.speed; chosen: a slip is 1000
 _CONFLICT = ProblemKind.CONFLICT
@@ -73,7 +73,7 @@ def _limits(file: StageFile) -> Iterator[Problem]:
         yield Problem("the first must be below the second", _CONFLICT, "limits.travel", value, unit)
     at_rest, moving = limits.following_error_at_rest, limits.following_error
     if at_rest is not None and at_rest > moving:
-        unit = "m" if axis.kind == LINEAR else "rad"
+        unit = unit_on(axis.kind, "rad | m")
         reason = f"must be at most limits.following_error, {moving:g} {unit}"
         yield Problem(reason, _CONFLICT, "limits.following_error_at_rest", f"{at_rest:g} {unit}", unit)
     yield from _following_error(file)
@@ -145,7 +145,7 @@ def _held(file: StageFile) -> Iterator[Problem]:
     if most > friction:
         yield from _damped(file, most - friction)
         return
-    unit = "N" if file.axis.kind == LINEAR else "N m"
+    unit = unit_on(file.axis.kind, "N m | N")
     key = "friction.coulomb" if hasattr(file.friction, "coulomb") else "friction.weight"
     reason = "more than drive.current_limit overcomes, so the axis cannot move"
     yield Problem(reason, _CONFLICT, key, f"{friction:.4g} {unit}", unit, f"[0, {most:.4g})")
@@ -157,7 +157,7 @@ def _damped(file: StageFile, left: float) -> Iterator[Problem]:
     """Damping that takes many times the current at a limits.speed which the travel has room for."""
     viscous, speed = file.mechanics.viscous, file.limits.speed
     if viscous * speed > TOO_DAMPED * left and not never_reached(file):
-        unit = "N s/m" if file.axis.kind == LINEAR else "N m s/rad"
+        unit = unit_on(file.axis.kind, "N m s/rad | N s/m")
         most = TOO_DAMPED * left / speed
         reason = f"takes {viscous * speed / left:.3g} times the force of drive.current_limit at limits.speed"
         yield Problem(reason, _CONFLICT, "mechanics.viscous", f"{viscous:g} {unit}", unit, f"[0, {most:.4g}]")

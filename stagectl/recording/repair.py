@@ -25,7 +25,7 @@ from stagectl.number_format import duration
 from stagectl.recording import constants
 from stagectl.recording.clipping import clipped
 from stagectl.recording.columns import Array, Log
-from stagectl.units import ROTARY
+from stagectl.units import unit_on
 
 _POSITIONS = ("measured", "reference")
 _EFFORTS = ("measured_current", "command")
@@ -109,7 +109,7 @@ def _unwrap(log: Log, columns: dict[str, Array]) -> list[str]:
         if name in columns and (size := wrap_of(columns[name], log.scales.encoder_step)):
             wraps = int(np.count_nonzero(np.abs(np.diff(columns[name])) > 0.5 * size))
             columns[name] = unwrapped(columns[name], size)
-            unit = "rad" if log.scales.kind == ROTARY else "m"
+            unit = unit_on(log.scales.kind, "rad | m")
             notes.append(f"{label(log, name)} wraps {wraps} times at {size:.6g} {unit}: unwrapped")
     return notes
 

@@ -16,7 +16,7 @@ from stagectl.number_format import NORMAL
 from stagectl.problem import why_unread
 from stagectl.twin.candidates import FORM as FRICTION_FORM
 from stagectl.twin.estimate import NamedDrift, ParameterDrift, TwinStatus
-from stagectl.units import Quantity
+from stagectl.units import unit_on
 
 FORMAT = "stagectl-twin/1"
 
@@ -28,7 +28,7 @@ def _drift(drift: ParameterDrift, kind: str) -> dict[str, Any]:
         "error": drift.error * p.scale,
         "nominal": p.nominal,
         "scale": p.scale,
-        "unit": Quantity(p.unit, "", "").unit_for(kind),
+        "unit": unit_on(kind, p.unit),
         "told": drift.determined,
     }
 
@@ -114,7 +114,7 @@ def words(p: TwinStatus, about: dict[str, Any]) -> str:
             return "the machine differs from the model: " + "; ".join(map(effect_words, p.named))
         case "waiting":
             return "too little motion yet: the axis must travel through its friction, then a few seconds"
-    effort = Quantity("N m | N", "", "").unit_for(about["kind"])
+    effort = unit_on(about["kind"], "N m | N")
     return f"silent: nothing named, residual {p.mechanics:.3g} {effort} rms"
 
 
