@@ -41,7 +41,7 @@ def watch(
     """
     from rich.live import Live
 
-    from stagectl.twin.start import load_snapshot, newest
+    from stagectl.twin.record import load_snapshot, newest
 
     path = file or newest(Path("recordings"))
     if path is None:
@@ -59,7 +59,7 @@ def watch(
 
 def _plain(path: Path, once: bool, json: str | None) -> str:
     """Every snapshot as it comes; why there will be no more, where that is so."""
-    from stagectl.twin.start import load_snapshot
+    from stagectl.twin.record import load_snapshot
 
     last, write = 0.0, stream(json)
     while True:
