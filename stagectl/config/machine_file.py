@@ -32,7 +32,7 @@ def split(path: Path) -> tuple[Path, str]:
     return (path.with_name(name), axis) if name and axis and not os.path.exists(path) else (path, "")
 
 
-def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | None = None) -> Any:
+def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | None) -> Any:
     """Read the stage file, or the axis of one, with `read`; `text` is that of one axis, as `text_of` gives it.
 
     Raises ConfigError with every problem.
@@ -41,10 +41,9 @@ def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | 
     return load(file, lambda reader, root: read(reader, chosen(reader, root, axis)), text=text)
 
 
-def composed(path: Path) -> tuple[Path, yaml.Node]:
-    """The file, and the nodes of the stage that `path` names.  Raises ConfigError."""
-    file, axis = split(path)
-    return file, load(file, lambda reader, root: chosen(reader, root, axis))
+def composed(path: Path, text: str | None = None) -> tuple[Path, yaml.Node]:
+    """The file, and the nodes of the stage that `path` names, or of its `text`.  Raises ConfigError."""
+    return split(path)[0], load_axis(path, lambda _, root: root, text)
 
 
 def axes_of(path: Path) -> list[Path]:

@@ -28,16 +28,9 @@ _CONFLICT = ProblemKind.CONFLICT
 
 def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     """Everything in `file`, read from `path`, that contradicts something else there."""
-    yield from _encoder(file)
-    yield from _limits(file)
-    yield from _homing(file)
-    yield from _brake(file)
-    yield from _drive(file)
-    yield from _transmission(file)
-    yield from _residual(file)
-    yield from _friction(file)
-    yield from _unanswered(file)
-    yield from _compensators(file)
+    checks = (_encoder, _limits, _homing, _drive, _transmission, _residual, _friction, _unanswered, _compensators)
+    for check in checks:
+        yield from check(file)
     yield from wire_conflicts(file, path)
     yield from too_far(file)
 
@@ -91,15 +84,13 @@ def _following_error(file: StageFile) -> Iterator[Problem]:
         yield Problem(reason, _CONFLICT, "limits.following_error", f"{error:g} {unit}", unit, interval)
 
 
-def _brake(file: StageFile) -> Iterator[Problem]:
-    if file.brake.present and not isinstance(file.drive.wire, Canopen):
+def _homing(file: StageFile) -> Iterator[Problem]:
+    """Homing, and the brake: both need a drive that works them."""
+    homing, canopen = file.homing, isinstance(file.drive.wire, Canopen)
+    if file.brake.present and not canopen:
         reason = "a brake is worked by a CANopen drive, or by its outputs"
         yield Problem(reason, _CONFLICT, "brake.control", file.brake.control)
-
-
-def _homing(file: StageFile) -> Iterator[Problem]:
-    homing = file.homing
-    if homing.by_drive and not isinstance(file.drive.wire, Canopen):
+    if homing.by_drive and not canopen:
         yield Problem("only a CANopen drive finds its home itself", _CONFLICT, "homing.method", homing.method)
     if homing.by_drive and homing.number == 0:
         yield Problem("needs homing.number, the drive's method (0x6098)", _CONFLICT, "homing.method", homing.method)
@@ -166,20 +157,17 @@ def _damped(file: StageFile, left: float) -> Iterator[Problem]:
 def _transmission(file: StageFile) -> Iterator[Problem]:
     p = file.mechanics.transmission
     if (p.load_share > 0.0 or p.backlash > 0.0) and not (p.load_share > 0.0 and p.resonance > 0.0):
-        reason = (
-            "needs load_share and resonance, both above 0: without them motor and load are one body, and there is no "
-            "backlash between them"
-        )
-        yield Problem(reason, _CONFLICT, "mechanics.transmission")
+        reason = "needs load_share and resonance, both above 0"
+        why = "without them motor and load are one body, and there is no backlash between them"
+        yield Problem(f"{reason}: {why}", _CONFLICT, "mechanics.transmission")
 
 
 def _residual(file: StageFile) -> Iterator[Problem]:
     """A rotary axis repeats after a turn; what a linear one repeats over must be given."""
     over = "" if file.residual is None else file.residual.coordinate
     if over == "position_mod_pitch" and file.axis.kind == LINEAR and file.mechanics.pitch == TURN:
-        yield Problem(
-            "needs mechanics.pitch, the travel over which the axis repeats", _CONFLICT, "residual.coordinate", over
-        )
+        reason = "needs mechanics.pitch, the travel over which the axis repeats"
+        yield Problem(reason, _CONFLICT, "residual.coordinate", over)
 
 
 def _friction(file: StageFile) -> Iterator[Problem]:

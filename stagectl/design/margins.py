@@ -60,7 +60,7 @@ def limit_cycle_frequency(
     (tests/test_rest.py).
     """
     with computable(p):
-        poles = _poles(_plant(p, dt, held=True), with_observer(compensator(designed, dt), watching))
+        poles = _poles(plant(p, dt, held=True), with_observer(compensator(designed, dt), watching))
     worst = poles[np.argmax(np.abs(poles))]
     return float(abs(np.angle(worst))) / (2.0 * np.pi * dt) if abs(worst) >= 1.0 else None
 
@@ -132,12 +132,11 @@ def _cascade(p: cascade.Cascade) -> Rational:
     return Rational(numerator, np.polymul(np.polymul(last, integrator), [1.0, -p.retained]))
 
 
-def plant(p: stage.Stage, dt: float) -> Rational:
-    """From the command to the measured position: zero-order hold, current loop, inertia, nd + nm periods, dead time."""
-    return _plant(p, dt, held=False)
+def plant(p: stage.Stage, dt: float, held: bool = False) -> Rational:
+    """From the command to the measured position: zero-order hold, current loop, inertia, nd + nm periods, dead time.
 
-
-def _plant(p: stage.Stage, dt: float, held: bool) -> Rational:
+    The axis may be `held` by its rolling friction before it slips.
+    """
     a, b = _sampled(p, dt, held)
     denominator = np.poly(a)
     whole, part = divmod(p.drive.dead_time, dt)

@@ -135,12 +135,6 @@ def _friction(file: StageFile) -> dict[str, Any]:
     }
 
 
-def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
-    """The bristle that a compensation by the stage's own model runs in addition to its stop operators."""
-    bristle = friction_of(file.friction).bristle
-    return {"friction_bristle": written(bristle)} if compensated and bristle.coulomb else {}
-
-
 def _drive(file: StageFile) -> dict[str, Any]:
     wire = file.drive.wire
     powered = file.drive.voltage_limit < math.inf  # without a limit nothing is known of winding and supply
@@ -215,15 +209,16 @@ def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
     """The parts of the command other than the feedback."""
     ahead, dt = meta["feedforward"], meta["dt"]
     advance = file.drive.current_lag + meta["nd"] * dt + file.drive.dead_time
-    form = meta["compensation"]["form"]
-    friction = ahead["friction"] if ahead["with_friction"] and form == "model" else {"weight": (), "slip": ()}
+    by_model, bristle = meta["compensation"]["form"] == "model", friction_of(file.friction).bristle
+    friction = ahead["friction"] if ahead["with_friction"] and by_model else {"weight": (), "slip": ()}
+    beside = ahead["with_friction"] and by_model and bristle.coulomb  # in addition to the stop operators
     return {
         "model_inertia": file.mechanics.inertia,
         "model_viscous": file.mechanics.viscous,
         "model_force_constant": ahead["force_constant"],
         "feedforward": "perfect tracking" if ahead["with_ptc"] else "none: y0 is the reference",
-        **({"friction_compensation": meta["compensation"]} if form != "model" and ahead["with_friction"] else {}),
-        **_bristle(file, form == "model" and ahead["with_friction"]),
+        **({"friction_compensation": meta["compensation"]} if ahead["with_friction"] and not by_model else {}),
+        **({"friction_bristle": written(bristle)} if beside else {}),
         "friction_weight": list(friction["weight"]),
         "friction_slip": list(friction["slip"]),
         "effect_feedforward": "nominal" if "effects" in meta.get("layers", ()) else "none",

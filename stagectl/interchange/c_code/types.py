@@ -105,7 +105,8 @@ class Types:
         elif uniform(hint):
             name = f"tuple{len(parts)}_{parts['_0']}"
             parts = {f"at[{len(parts)}]": parts["_0"]}
-        self.definitions.setdefault(name, _structure(name, parts))
+        lines = [f"    {kind} {field};" for field, kind in parts.items()]
+        self.definitions.setdefault(name, "\n".join(["typedef struct {", *lines, f"}} {name};"]))
         return name
 
     def constant(self, value: Any, hint: Any) -> str:
@@ -125,11 +126,6 @@ def type_of(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple[tuple(type_of(part) for part in value)]  # type: ignore[misc]
     raise TranslationError(f"a constant of type {type(value).__name__} has no translation to C")
-
-
-def _structure(name: str, parts: dict[str, str]) -> str:
-    lines = [f"    {kind} {field};" for field, kind in parts.items()]
-    return "\n".join(["typedef struct {", *lines, f"}} {name};"])
 
 
 def _number(value: Any, hint: Any) -> str:

@@ -45,24 +45,18 @@ def import_log(
         return [Imported(recording, None) for recording in read(path, setup, words)]
     except RecordingError as error:
         unnamed = error.problems[0].kind in (ProblemKind.MISSING, ProblemKind.UNIT) and not error.row
-        if path.is_dir() or not unnamed or _complete(words):
+        named = set(words or {})  # where that is all that a log must have, a refusal is about these words
+        if path.is_dir() or not unnamed or ("time" in named and {"position", "velocity"} & named):
             raise
     return [_guessed(path, setup, words or {}, known, unsure)]
-
-
-def _complete(words: Mapping[str, str] | None) -> bool:
-    """Whether the user named all that a log must have: then a refusal is about these words."""
-    return bool(words) and "time" in (words or {}) and bool({"position", "velocity"} & set(words or {}))
 
 
 def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
     stated = scales_of_stage(setup) if setup is not None else None
     taken = guess(path, known._replace(rated_current=stated.rated_current) if stated else known, words)
-    if stated is not None:
-        taken = taken._replace(scales=stated, notes=())
-    else:
-        taken = taken._replace(scales=_of_kind(taken.scales, words, path))
-    taken = taken._replace(columns=tuple(part for part in taken.columns if part.quantity not in words))
+    scales, notes = (stated, ()) if stated else (_of_kind(taken.scales, words, path), taken.notes)
+    unnamed = tuple(part for part in taken.columns if part.quantity not in words)
+    taken = Guess(unnamed, scales, notes)
     _check_known(path, taken, stated)
     if taken.columns and taken.sure < constants.LEAST_SURE and not unsure:
         raise _not_sure(path, taken)

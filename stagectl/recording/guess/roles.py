@@ -98,11 +98,11 @@ def _alone(columns: Sequence[Column], blocks: motion.Blocks) -> tuple[Role | Non
     for quantity in ("position", "velocity"):
         named = [c for c in columns if hinted(c, quantity) and not hinted(c, "effort") and not hinted(c, "reference")]
         if named:
-            smoothest = max(named, key=lambda c: _smooth(c.values))
+            smoothest = min(named, key=lambda c: motion.roughness(c.values))
             role = Role(smoothest, constants.SURE_BY_NAME, f"its header says {quantity}")
             return (role, None) if quantity == "position" else (None, role._replace(ratio=1.0))
     free = [column for column in columns if not hinted(column, "effort")] or list(columns)
-    smoothest = max(free, key=lambda column: _smooth(column.values))
+    smoothest = min(free, key=lambda column: motion.roughness(column.values))
     others = [column.values for column in columns if column is not smoothest]
     as_velocity, as_position = (
         max((motion.drives(blocks, speed, other).share for other in others), default=0.0)
@@ -115,10 +115,6 @@ def _alone(columns: Sequence[Column], blocks: motion.Blocks) -> tuple[Role | Non
         why = f"it explains {100.0 * as_velocity:.3g} % of another column as its velocity"
         return None, Role(smoothest, constants.SURE_BY_MAGNITUDE, why, 1.0)
     return Role(smoothest, constants.SURE_BY_MAGNITUDE, "it is the smoothest column"), None
-
-
-def _smooth(column: Array) -> float:
-    return -motion.roughness(column)
 
 
 def reference_of(columns: Sequence[Column], position: Column) -> tuple[Role, Column] | None:
