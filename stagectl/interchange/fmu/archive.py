@@ -52,7 +52,9 @@ def write(setup: Setup, path: Path, with_compiler: str | None) -> None:
         _sources(setup, folder, identifier)
         if with_compiler is not None:
             _compile(with_compiler, folder, identifier)
-        _zip(folder, path)
+        with replaced(path) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as archive:
+            for file in sorted(each for each in folder.rglob("*") if each.is_file()):
+                archive.write(file, file.relative_to(folder))
 
 
 def _ours(path: Path) -> bool:
@@ -89,13 +91,6 @@ def _compile(command: str, folder: Path, identifier: str) -> None:
         raise CompileError(f"{' '.join(words)} ended with {done.returncode}: {done.stderr.strip()}")
 
 
-def _zip(folder: Path, path: Path) -> None:
-    with replaced(path) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as archive:
-        for file in sorted(folder.rglob("*")):
-            if file.is_file():
-                archive.write(file, file.relative_to(folder))
-
-
 NO_COMPILER = (
     "no C compiler on this machine (CC, cc, gcc, clang): the FMU has its sources only and was not run. "
     "Where there are a compiler and cmake: fmpy compile {path}"
@@ -110,8 +105,7 @@ def to_fmu(setup: Setup, path: Path) -> ExportedModel:
     command = compiler()
     with ExportError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE):
         write(setup, path, command)
-    wrong = findings(path)
-    if wrong:
+    if wrong := findings(path):
         raise ExportError(f"FMPy's validation finds in {path}: {'; '.join(wrong)}")
     simulator, losses = f"FMPy {fmpy.__version__}", _random_numbers(setup)
     if command is None:

@@ -17,9 +17,8 @@ import numpy as np
 from stagectl.problem import ProblemKind
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
-from stagectl.recording.guess import motion, roles, table, units
-from stagectl.recording.guess.roles import Role
-from stagectl.recording.guess.table import Column
+from stagectl.recording.guess import motion, roles, units
+from stagectl.recording.guess.roles import Column, Role
 from stagectl.recording.guess.units import Unit
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import SHARES, Scales
@@ -68,7 +67,7 @@ def guess(path: Path, known: Known, named: Collection[str] = ()) -> Guess:
 
     Raises RecordingError where there is no time, or nothing that moves.
     """
-    columns = roles.live(table.read(path))
+    columns = roles.live(roles.read(path))
     time = roles.time_of(columns)
     if time is None:
         reason = f"{path} has no column that runs on as a time does; say which it is: --columns time=..."
