@@ -86,7 +86,9 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, start: 
     rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if start.stops is None else start.stops, force)
     answer = _add_effects(setup, parts.motion, rows, start) if feedforward.with_effects else model_effects.Answer()
     _experiment(setup, parts, rows)
-    return Plan(rows, parts.steady, parts.duration, _excitation(parts), *answer)
+    spans, begins = parts.current.spans if parts.current is not None else (), parts.start
+    excitation = tuple(span._replace(start=span.start + begins, end=span.end + begins) for span in spans)
+    return Plan(rows, parts.steady, parts.duration, excitation, *answer)
 
 
 def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | None) -> NDArray[np.float64]:
@@ -153,11 +155,6 @@ def bristle_force(p: Bristle, seen: Foreseen, dt: float) -> Array:
     friction_path.bristle(p, place, dt, columns)
     force: Array = (columns[:, 0] + p.damping * columns[:, 1])[1:]
     return force
-
-
-def _excitation(parts: Phases) -> tuple[Span, ...]:
-    spans = parts.current.spans if parts.current is not None else ()
-    return tuple(span._replace(start=span.start + parts.start, end=span.end + parts.start) for span in spans)
 
 
 def foresee(setup: Setup, trajectory: Trajectory, duration: float) -> Foreseen:

@@ -20,7 +20,7 @@ import yaml
 
 from stagectl.config.bounds import MOST_AXES
 from stagectl.config.loader import Reader, load
-from stagectl.config.source import ConfigError, compose, entry_of, read_text
+from stagectl.config.source import ConfigError, compose, entries_of, entry_of, read_text
 from stagectl.problem import Problem, ProblemKind
 
 AXES, COUPLED = "axes", "coupled"
@@ -51,7 +51,7 @@ def axes_of(path: Path) -> list[Path]:
     file, axis = split(path)
     if axis:
         return [path]
-    names = [key for key, _ in _entries(compose(file))]
+    names = [key for key, _ in entries_of(entry_of(compose(file), AXES))]
     for key in names:
         if not key.value.isidentifier():  # it could lead to another folder
             raise ConfigError(_misnamed(key.value)._replace(file=file, line=key.start_mark.line + 1))
@@ -77,13 +77,13 @@ def chosen(reader: Reader, root: yaml.Node, axis: str) -> yaml.Node:
 
     Raises ConfigError where there is no such axis.
     """
-    entries = {key.value: value for key, value in _entries(root)}
+    entries = {key.value: value for key, value in entries_of(entry_of(root, AXES))}
     if axis not in entries:
         if axis or entries:
             raise ConfigError(_which(reader.path, axis, list(entries)))
         return root
     _check(reader, root, entries)
-    for key, value in entries[axis].value if isinstance(entries[axis], yaml.MappingNode) else []:
+    for key, value in entries_of(entries[axis]):
         _put(reader, root, key, value)
     root.value = [(key, value) for key, value in root.value if key.value not in (AXES, COUPLED)]
     return root
@@ -114,12 +114,6 @@ def _check(reader: Reader, root: yaml.Node, entries: dict[str, yaml.Node]) -> No
     coupling = entry_of(root, COUPLED)
     if coupling is not None and getattr(coupling, "value", "") not in ("true", "false"):
         reader.refuse(coupling, Problem("must be true or false", ProblemKind.VALUE, COUPLED))
-
-
-def _entries(root: yaml.Node) -> list[tuple[yaml.Node, yaml.Node]]:
-    """Axis names and their blocks."""
-    block = entry_of(root, AXES)
-    return list(block.value) if isinstance(block, yaml.MappingNode) else []
 
 
 def _put(reader: Reader, root: yaml.Node, key: yaml.Node, value: yaml.Node) -> None:

@@ -22,7 +22,7 @@ from stagectl.config.bounds import LONGEST_SHOWN, SAME_VALUE
 from stagectl.config.hints import plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import AXES, split, text_of
-from stagectl.config.source import ConfigError, children_of, node_at, read_text
+from stagectl.config.source import ConfigError, children_of, entries_of, node_at, read_text
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import load_stage
 from stagectl.config.unit_format import hint_at, worded
@@ -175,7 +175,7 @@ def _with_block(before: Patched, name: str, values: Mapping[str, Any], lengths: 
     root, result = yaml_edit.root_of(before.text), before
     tag = tag_of(hint_at(StageFile, name, root))
     block = node_at(root, name) if yaml_edit.holds(root, name) else None
-    old = [key.value for key, _ in block.value] if isinstance(block, yaml.MappingNode) else []
+    old = [key.value for key, _ in entries_of(block)]
     if tag is not None:  # first: it decides which entries there are
         result = _with_value(result, Entry(f"{name}.{tag.key}", values[tag.key], str, lengths), dated=True)
     written = {key: value for key, value in values.items() if value is not KEPT}

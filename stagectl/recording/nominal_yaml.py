@@ -48,7 +48,7 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
         nominal: dict[str, Any] = meta["nominal"]
         return nominal
     if "law" not in meta:
-        return {"stage": {"name": meta["name"], **_axis(meta["axis"])}}
+        return {"stage": {"name": meta["name"], **axis_values(meta["axis"])}}
     file = carried_stage(recording)
     return {
         "stage": _stage(file, meta["axis"]),
@@ -93,7 +93,8 @@ def carried_stage(recording: Recording) -> StageFile:
     return file
 
 
-def _axis(axis: dict[str, Any]) -> dict[str, Any]:
+def axis_values(axis: dict[str, Any]) -> dict[str, Any]:
+    """What nominal.yaml says of an axis, from the entry of a recording's meta."""
     linear, screw = axis["kind"] == LINEAR, axis["travel_unit"] == "m"
     known = {
         "kind": LINEAR if linear else ("ball-screw" if screw else ROTARY),
@@ -109,7 +110,7 @@ def _stage(file: StageFile, axis: dict[str, Any]) -> dict[str, Any]:
     mechanics, wave = file.mechanics, file.encoder.interpolation
     return {
         "name": file.name,
-        **_axis(axis),
+        **axis_values(axis),
         "force_constant": file.motor.force_constant,
         "inertia": mechanics.inertia,
         "viscous": mechanics.viscous,

@@ -15,8 +15,8 @@ from stagectl.recording.guess import units
 from stagectl.recording.guess.guess import Guess, GuessedColumn, Known, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import read
+from stagectl.recording.nominal_yaml import axis_values
 from stagectl.recording.scales import Scales, scales_of_stage
-from stagectl.units import LINEAR
 
 _LOGS = (".csv", ".mat")
 
@@ -62,7 +62,9 @@ def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: K
         raise _not_sure(path, taken)
     (recording,) = read(path, setup, {**taken.words, **words}, taken.scales)
     recording.meta["notes"] = [*map(line, taken.columns), *taken.notes, *recording.meta["notes"]]
-    recording.meta.setdefault("nominal", _nominal(path.stem, taken.scales))
+    constant = {"force_constant": taken.scales.force_constant} if taken.scales.force_constant else {}
+    stage = {"name": path.stem, **axis_values(recording.meta["axis"]), **constant}
+    recording.meta.setdefault("nominal", {"stage": stage})  # inertia and controller are for the user to add
     return Imported(recording, taken)
 
 
@@ -103,16 +105,3 @@ def _not_sure(path: Path, taken: Guess) -> RecordingError:
         f"--columns {said!r}, --counts N and --force-constant K. All that is guessed:\n  {lines}"
     )
     return RecordingError(reason, path, ProblemKind.VALUE, column=least.quantity)
-
-
-def _nominal(name: str, scales: Scales) -> dict[str, dict[str, object]]:
-    """The scales as nominal.yaml holds them; inertia and controller are for the user to add."""
-    linear = scales.kind == LINEAR
-    block = {
-        "name": name,
-        "kind": scales.kind,
-        "position_unit": "m" if linear else "rad",
-        "force_constant": scales.force_constant or None,
-        "encoder_step": scales.encoder_step or None,
-    }
-    return {"stage": {key: value for key, value in block.items() if value is not None}}
