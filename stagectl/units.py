@@ -134,10 +134,8 @@ _VALUE = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?
 _POWER = r"[A-Za-zµμ°Ω%‰]+(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1(?= ?/)|{_POWER})(?:(?: ?[*·/] ?| ){_POWER}){{0,8}}")
 _FACTOR = re.compile(r"(/ ?)?([A-Za-zµμ°Ω%‰]+)(?:(?:\^|\*\*)(-?[1-9]))?")
-_LIKELY, _LONGEST = (
-    8,
-    80,
-)  # known names that a mistyped one is compared with; characters of a value, or parsers are busy
+_LIKELY = 8  # known names that a mistyped one is compared with
+_LONGEST = 80  # characters of a value; no expression may keep the parsers busy
 
 
 class _UnknownUnitError(Exception):
@@ -234,10 +232,8 @@ def _unknown(unit: str, name: str, to: str) -> str:
 
 
 def _measures(unit: str, to: str) -> bool:
-    with contextlib.suppress(UnitError, _UnknownUnitError):
-        ratio = Counter(_powers(unit))
-        ratio.subtract(_powers(to))
-        return not any(_expanded(ratio)[1].values())
+    with contextlib.suppress(UnitError):
+        return in_base_units(unit)[1] == in_base_units(to)[1]
     return False
 
 
