@@ -251,16 +251,15 @@ def _stranger(text: str) -> str:
 
 def _product(scales: Iterable[tuple[float, int]]) -> float:
     """Powers of equal scales are added first: ``mm/mm`` is 1 exactly."""
-    powers: Counter[float] = Counter()
+    above, below = Counter[float](), Counter[float]()
     for scale, exponent in scales:
-        powers[scale] += exponent
-    value = 1.0
+        (above if exponent > 0 else below)[scale] += exponent
+    powers = [(scale, max(above[scale] + below[scale], 0)) for scale in above]
+    powers += [(scale, min(above[scale] + below[scale], 0)) for scale in below]
     try:
-        for scale, exponent in sorted(powers.items(), key=lambda power: power[1] < 0):
-            value *= scale**exponent
+        return math.prod((scale**power for scale, power in powers), start=1.0)
     except OverflowError:
         return math.inf
-    return value
 
 
 def unit_in(text: str) -> str:
