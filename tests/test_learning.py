@@ -111,6 +111,22 @@ def test_a_trial_leaves_what_convergence_says(ball_screw: Setup, frequency: floa
     assert float(np.linalg.norm(second) / np.linalg.norm(first)) == pytest.approx(expected, abs=0.03)
 
 
+def test_a_dead_time_is_in_the_model(ball_screw: Setup) -> None:
+    """A trial on the model itself leaves 1 - gain Q, whatever the dead time: it is no error of the model."""
+    setup = linear(ball_screw, LAWS["pid"])
+    drive = setup.stage.drive._replace(dead_time=0.9 * setup.dt)
+    setup = setup._replace(stage=setup.stage._replace(drive=drive))
+    running, what = laid_out(setup)
+    what, unknown = disturbed(what, setup.dt, 100.0)
+    clean = tried(setup, running, laid_out(setup)[1], np.zeros(len(unknown)))
+    filters = learning.filters(setup.stage, running, SETTINGS, setup.dt, len(unknown))
+    first = tried(setup, running, what, np.zeros(len(unknown))) - clean
+    learned = learning.whole_step(filters, np.zeros(len(unknown)), first, SETTINGS.gain)
+    second = tried(setup, running, what, learned) - clean
+    q = 1.0 / (1.0 + (math.tan(math.pi * 100.0 * setup.dt) / math.tan(math.pi * 200.0 * setup.dt)) ** 4)
+    assert float(np.linalg.norm(second) / np.linalg.norm(first)) == pytest.approx(1.0 - 0.8 * q, abs=0.03)
+
+
 def test_convergence_against_the_designs_own_transfer_functions(ball_screw: Setup) -> None:
     """S/S^ from `design`'s plant and compensator, for the heavier axis; 1 - gain for the model itself."""
     running, _ = laid_out(ball_screw)

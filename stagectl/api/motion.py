@@ -132,7 +132,7 @@ def _seen(motion: Motion, say: Say) -> dict[str, Any]:
     """What the twin saw, where there was one."""
     if motion.companion is None:
         return {}
-    from stagectl.twin.start import live_file, load_snapshot
+    from stagectl.twin.record import live_file, load_snapshot
 
     path = live_file(motion.recording)
     if not path.exists():

@@ -90,7 +90,7 @@ def _known(path: Path) -> _Known:
 
 def _stage(path: Path) -> _Known:
     from stagectl import design
-    from stagectl.config.plausibility import doubtful
+    from stagectl.config.stage_checks import doubtful
     from stagectl.config.stage_file import load_stage
 
     setup = load_stage(path)

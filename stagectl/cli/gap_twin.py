@@ -12,7 +12,7 @@ from stagectl.api.arguments import terminal
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, stream
 from stagectl.number_format import NORMAL, duration
-from stagectl.units import Quantity, StageError
+from stagectl.units import StageError, unit_on
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -41,7 +41,7 @@ def watch(
     """
     from rich.live import Live
 
-    from stagectl.twin.start import load_snapshot, newest
+    from stagectl.twin.record import load_snapshot, newest
 
     path = file or newest(Path("recordings"))
     if path is None:
@@ -59,7 +59,7 @@ def watch(
 
 def _plain(path: Path, once: bool, json: str | None) -> str:
     """Every snapshot as it comes; why there will be no more, where that is so."""
-    from stagectl.twin.start import load_snapshot
+    from stagectl.twin.record import load_snapshot
 
     last, write = 0.0, stream(json)
     while True:
@@ -85,7 +85,7 @@ def _ended(now: dict[str, Any]) -> str:
 def _table(now: dict[str, Any]) -> Group:
     from rich.console import Group
 
-    effort = Quantity("N m | N", "", "").unit_for(now["kind"])
+    effort = unit_on(now["kind"], "N m | N")
     title = f"{now['name']}: {now['time']:.1f} s of the run, last {now['covered']:.0f} s"
     cuts = _titled(title, "check", "residual", "meaning")
     residual = now["residual"]

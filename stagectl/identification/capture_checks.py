@@ -18,12 +18,13 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
 from stagectl.identification.least_squares.method import identify as least_squares
-from stagectl.identification.result import IdentificationResult, Note, Parameter, Topic, si_unit
+from stagectl.identification.result import IdentificationResult, Note, Parameter, Topic
 from stagectl.kernels import stage
 from stagectl.number_format import duration, length
 from stagectl.recording import wrong_units
 from stagectl.recording.clipping import clipped
 from stagectl.recording.scales import Scales
+from stagectl.units import unit_on
 
 
 def suspicions(capture: Capture, setup: Setup) -> list[Note]:
@@ -32,7 +33,7 @@ def suspicions(capture: Capture, setup: Setup) -> list[Note]:
         return [Note(Topic.UNITS, words)]
     if float(np.ptp(capture.position)) <= thresholds.MOVED_STEPS * capture.encoder_step:
         span = float(np.ptp(capture.position))
-        unit = si_unit("rad | m", setup.file.axis.kind)
+        unit = unit_on(setup.file.axis.kind, "rad | m")
         text = (
             f"the axis did not move: its positions span {span:.3g} {unit}, the encoder's step is "
             f"{capture.encoder_step:.3g} {unit}; record a motion"
@@ -60,7 +61,7 @@ def remarks(capture: Capture, scales: Scales) -> list[Note]:
     step, coarse = capture.encoder_step, _position_step(capture.position)
     if step <= 0.0 or coarse < step or (_whole(coarse / step) and coarse <= thresholds.COARSE_STEPS * step):
         return []
-    unit = si_unit("rad | m", scales.kind)
+    unit = unit_on(scales.kind, "rad | m")
     cause = (
         wrong_units.by_step(coarse / step, scales) or "the log lost digits, or its unit is not the one that it names"
     )

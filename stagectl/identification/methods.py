@@ -12,9 +12,10 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.catalogue import METHODS, Method, listed
-from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic, si_unit
+from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic
 from stagectl.problem import nearest
 from stagectl.typed_json import plain
+from stagectl.units import unit_on
 
 _INPUTS = ("captures", "file", "progress")  # arguments of a method that are no options
 
@@ -114,6 +115,6 @@ def _capture(capture: Capture) -> dict[str, Any]:
 
 
 def _table(table: Characteristic, setup: Setup) -> dict[str, Any]:
-    length, force = (si_unit(units, setup.file.axis.kind) for units in ("rad | m", "N m | N"))
+    length, force = (unit_on(setup.file.axis.kind, units) for units in ("rad | m", "N m | N"))
     units = {"displacement": length, "force": force, "weight": force, "slip": length}
     return {**plain(table), "units": units}

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.units import Quantity
+from stagectl.units import unit_on
 
 Progress = Callable[[int, int], object]  # (steps done, steps in all)
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -24,14 +24,9 @@ UNITS = {  # SI unit of a parameter on a rotary and on a linear axis; by the fir
 }
 
 
-def si_unit(units: str, kind: str) -> str:
-    """That of the units ``rotary | linear`` which an axis of this `kind` has."""
-    return Quantity(units, "", "").unit_for(kind)
-
-
 def unit_of(name: str, kind: str) -> str:
     """SI unit of the parameter `name` on an axis of this `kind`."""
-    return si_unit(UNITS[name.split("_")[0]], kind)
+    return unit_on(kind, UNITS[name.split("_")[0]])
 
 
 class Parameter(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.config.plausibility import decelerations
+from stagectl.config.stage_checks import decelerations
 from stagectl.config.stage_file import Setup
 from stagectl.drives import limits as decided
 from stagectl.drives.drive import Canopen

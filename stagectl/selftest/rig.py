@@ -105,14 +105,11 @@ class RigLoop(axes.Loop):
 class BaseRig:
     """What both rigs are: a stage, a time, and what was seen of the axis."""
 
+    bus: Bus  # the controller's end
+
     def __init__(self, setup: Setup, time: Clock) -> None:
         self.setup, self.settings, self.time = setup, setup.canopen, time
         self.trace: list[AxisSample] = []
-
-    @property
-    def bus(self) -> Bus:
-        """The controller's end."""
-        raise NotImplementedError
 
     def connect(self, homing: Homing = NO_HOMING) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
@@ -158,16 +155,11 @@ class Rig(BaseRig):
         super().__init__(setup, time)
         self._timeline = time
         self.ours, theirs = Wire(time, self.settings.bitrate).ends
-        self.said: list[str] = []
+        self.bus, self.said = self.ours, list[str]()
         self.node = virtual_node(setup, self.settings, theirs, self.said.append, time)
         theirs.wakes = self.node.turn
         self.node.boot()
         time.every(_LOOK, self._look)
-
-    @property
-    def bus(self) -> Bus:
-        """The controller's end."""
-        return self.ours
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""

@@ -23,11 +23,12 @@ from stagectl.identification.friction.fit import (
     sensitivity,
 )
 from stagectl.identification.friction.members import FAMILY
-from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic, si_unit
+from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.identification.simultaneous.estimate import known_delay
 from stagectl.identification.thresholds import NORMAL_95
 from stagectl.kernels import stage
 from stagectl.number_format import percent
+from stagectl.units import unit_on
 
 NOTED_CHANGE = 1e-4  # s of delay, whose effect the note gives
 LAW = {"dahl": "dahl", "lugre": "lugre"}  # in a stage file; all others become stop operators
@@ -75,7 +76,7 @@ def _result(fit: FrictionFit, basis: Basis) -> IdentificationResult:
     count, axis = len(fit.weights), basis.file.axis.kind
     parameters, notes = {}, []
     for number, (name, unit) in enumerate(comparison.names(fit)):
-        si, spread = si_unit(unit, axis), NORMAL_95 * math.sqrt(covariance[number, number])
+        si, spread = unit_on(axis, unit), NORMAL_95 * math.sqrt(covariance[number, number])
         if number < count:
             value = float(fit.weights[number])
             low = value - spread if name == "offset" else max(value - spread, 0.0)

@@ -11,8 +11,8 @@ import numpy as np
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
 from stagectl.recording.scales import is_unit
+from stagectl.units import factor
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _WORDS = {
     "time": ("s", "ms", "us"),
     "position": ("rad", "deg", "rev", "counts", "m", "mm", "um"),
@@ -55,10 +55,10 @@ def of_time(words: str, time: Array) -> Unit:
         return unit
     step = float(np.median(np.diff(time))) or float(np.ptp(time)) / len(time)
     low, high = constants.USUAL_STEPS
-    fit = [name for name, size in SECONDS.items() if low <= step * size <= high]
+    fit = [name for name in (*_WORDS["time"], "ns") if low <= step * factor(name, "s") <= high]
     name = fit[0] if fit else "s"
-    sure = constants.SURE_BY_MAGNITUDE if not fit else constants.SURE_BY_PHYSICS
-    return Unit(name, sure, f"rows come every {step * SECONDS[name] * 1e3:.4g} ms")
+    sure = constants.SURE_BY_PHYSICS if fit else constants.SURE_BY_MAGNITUDE
+    return Unit(name, sure, f"rows come every {step * factor(name, 's') * 1e3:.4g} ms")
 
 
 def of_position(words: str, position: Array, ratio: float, speed_unit: str) -> Unit:
