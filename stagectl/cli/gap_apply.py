@@ -8,34 +8,24 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli.motion import Json, StageArgument
+from stagectl.cli.options import Json, StageArgument, argument, option
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
-ResultArgument = Annotated[
-    Path, typer.Argument(metavar="FOLDER", help="Diagnosed captures, or the JSON file of a diagnosis.")
-]
-Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="NEW.yaml", help="Write a copy; STAGE.yaml stays unchanged.")
-]
-Only = Annotated[str | None, typer.Option("--only", metavar="NAME,...", help="Only these effects, named or not.")]
-Choose = Annotated[
-    list[str] | None,
-    typer.Option("--choose", metavar="NAME", help="This alternative instead of the effect that it may replace."),
-]
-Unknown = Annotated[bool, typer.Option("--unknown", help="Also add the unknown part as a table.")]
-Yes = Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")]
+ResultArgument = Annotated[Path, argument("FOLDER", "Diagnosed captures, or the JSON file of a diagnosis.")]
 _COLOURS = {"+": "green", "-": "red", "@": "cyan", "#": "dim"}
 
 
 def apply(
     folder: ResultArgument,
     stage: StageArgument,
-    output: Output = None,
-    only: Only = None,
-    choose: Choose = None,
-    unknown: Unknown = False,
-    yes: Yes = False,
+    output: Annotated[Path | None, option("--output -o NEW.yaml", "Write a copy; STAGE.yaml stays unchanged.")] = None,
+    only: Annotated[str | None, option("--only NAME,...", "Only these effects, named or not.")] = None,
+    choose: Annotated[
+        list[str] | None, option("--choose NAME", "This alternative instead of the effect that it may replace.")
+    ] = None,
+    unknown: Annotated[bool, option("--unknown", "Also add the unknown part as a table.")] = False,
+    yes: Annotated[bool, option("--yes -y", "Write without asking.")] = False,
     json: Json = None,
 ) -> None:
     """Add the named effects to the stage model, as a patch that is shown first.

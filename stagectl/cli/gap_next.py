@@ -6,10 +6,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from stagectl.cli.gap_apply import ResultArgument
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json, option
 from stagectl.cli.show import console, emit
 from stagectl.replacing import write_text
 from stagectl.units import ROTARY, StageError
@@ -17,21 +15,15 @@ from stagectl.units import ROTARY, StageError
 if TYPE_CHECKING:
     from stagectl.gap.result.diagnosis import DiagnosisResult, NextExperiment
 
-Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE.yaml", help="Trajectory file; default: in FOLDER.")
-]
-SamplesFile = Annotated[
-    Path | None, typer.Option("--samples", metavar="FILE.csv", help="The motion row by row, for another controller.")
-]
-Rate = Annotated[float, typer.Option(min=10.0, max=100_000.0, help="Rows per second (Hz) of --samples.")]
-
 
 def following(
     folder: ResultArgument,
-    output: Output = None,
+    output: Annotated[Path | None, option("--output -o FILE.yaml", "Trajectory file; default: in FOLDER.")] = None,
     json: Json = None,
-    samples: SamplesFile = None,
-    rate: Rate = 2000.0,
+    samples: Annotated[
+        Path | None, option("--samples FILE.csv", "The motion row by row, for another controller.")
+    ] = None,
+    rate: Annotated[float, option("--rate", "Rows per second (Hz) of --samples.", min=10.0, max=100_000.0)] = 2000.0,
 ) -> None:
     """Write the experiment that resolves an ambiguity, or covers what no run has covered.
 
@@ -67,7 +59,6 @@ def _written(proposal: NextExperiment, folder: Path, output: Path | None) -> Pat
     path = output or place / proposal.trajectory
     if path.exists() and path.read_text(encoding="utf-8") != proposal.text:
         raise StageError(f"{path} exists and holds something else: move it away, or name another file with -o")
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, proposal.text)
     console.print(f"wrote {path}; to run it, and to diagnose again with it:")
     for line in _commands(proposal, place, path):

@@ -10,7 +10,18 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.cli.addresses import foxglove_address, tcp_port
-from stagectl.cli.motion import Channel, Json, Lines
+from stagectl.cli.options import (
+    AxisName,
+    Channel,
+    Json,
+    Lines,
+    NoWait,
+    Socket,
+    Stages,
+    TrajectoryArgument,
+    argument,
+    option,
+)
 from stagectl.cli.show import console, emit, is_stage, message_event, stream, without_compiler
 from stagectl.extras import require
 from stagectl.named_values import pairs
@@ -18,36 +29,26 @@ from stagectl.problem import Problem, ProblemKind
 from stagectl.service import shutdown_signals
 from stagectl.units import StageError
 
-Stages = Annotated[
-    list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
-]
-Socket = Annotated[
-    Path | None,
-    typer.Option("--socket", metavar="PATH", help="Control socket of the service; default: $STAGECTL_SOCKET."),
-]
-AxisName = Annotated[str, typer.Option("--axis", metavar="NAME", help="One axis; default: all.")]
 fault = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=True)
 
 
 @shutdown_signals.held_back(*shutdown_signals.STOPS)
 def serve(
     stages: Stages,
-    socket: Annotated[Path | None, typer.Option(metavar="PATH", help="Control socket.")] = None,
+    socket: Annotated[Path | None, option("--socket PATH", "Control socket.")] = None,
     state: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Folder for black boxes; default: $STATE_DIRECTORY.")
+        Path | None, option("--state FOLDER", "Folder for black boxes; default: $STATE_DIRECTORY.")
     ] = None,
     channel: Channel = None,
     tcp: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Serve the live page over TCP; a token allows reading.")
+        str | None, option("--tcp HOST:PORT", "Serve the live page over TCP; a token allows reading.")
     ] = None,
-    token: Annotated[Path | None, typer.Option(metavar="FILE", help="File with the token; created if missing.")] = None,
-    tcp_may_move: Annotated[bool, typer.Option("--tcp-may-move", help="The token also allows moving.")] = False,
+    token: Annotated[Path | None, option("--token FILE", "File with the token; created if missing.")] = None,
+    tcp_may_move: Annotated[bool, option("--tcp-may-move", "The token also allows moving.")] = False,
     foxglove: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Send every row to Foxglove; no access control.")
+        str | None, option("--foxglove HOST:PORT", "Send every row to Foxglove; no access control.")
     ] = None,
-    uncoupled: Annotated[
-        bool, typer.Option("--uncoupled", help="A fault of one axis does not stop the others.")
-    ] = False,
+    uncoupled: Annotated[bool, option("--uncoupled", "A fault of one axis does not stop the others.")] = False,
     json: Lines = None,
 ) -> None:
     """Run the machine as a service, for months: see docs/service.md.
@@ -117,11 +118,11 @@ home = _order("home", "Find home by the method in the stage file's `homing`; wit
 
 
 def move(
-    target: Annotated[list[str], typer.Argument(metavar="POSITION...", help="'10 mm', or x='10 mm' y='5 mm'.")],
-    by: Annotated[bool, typer.Option("--by", help="Distances from here instead of positions.")] = False,
-    speed: Annotated[str | None, typer.Option(metavar="SPEED", help="For example '50 mm/s'.")] = None,
-    acceleration: Annotated[str | None, typer.Option(metavar="ACCELERATION", help="For example '1 m/s^2'.")] = None,
-    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when the motion has started.")] = False,
+    target: Annotated[list[str], argument("POSITION...", "'10 mm', or x='10 mm' y='5 mm'.")],
+    by: Annotated[bool, option("--by", "Distances from here instead of positions.")] = False,
+    speed: Annotated[str | None, option("--speed SPEED", "For example '50 mm/s'.")] = None,
+    acceleration: Annotated[str | None, option("--acceleration ACCELERATION", "For example '1 m/s^2'.")] = None,
+    no_wait: NoWait = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
@@ -136,7 +137,7 @@ def move(
 
 def stop(
     axis: AxisName = "",
-    quick: Annotated[bool, typer.Option("--quick", help="Use the drive's ramp, then switch power off.")] = False,
+    quick: Annotated[bool, option("--quick", "Use the drive's ramp, then switch power off.")] = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
@@ -150,9 +151,9 @@ def stop(
 
 
 def follow(
-    trajectory: Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")],
+    trajectory: TrajectoryArgument,
     axis: AxisName = "",
-    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when the motion has started.")] = False,
+    no_wait: NoWait = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
@@ -176,9 +177,7 @@ def uploaded(trajectory: Path) -> dict[str, Any]:
 
 
 def parameters(
-    changes: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="For example bandwidth='30 Hz'.")
-    ] = None,
+    changes: Annotated[list[str] | None, argument("[NAME=VALUE]...", "For example bandwidth='30 Hz'.")] = None,
     axis: AxisName = "",
     socket: Socket = None,
     json: Json = None,

@@ -4,34 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import typer
-
-from stagectl.cli.motion import Json, Report, StageArgument, Write
+from stagectl.cli.options import Json, Report, StageArgument, Write, option
 from stagectl.cli.show import console, deliver, page_path, patch
-
-Bandwidth = Annotated[
-    str | None, typer.Option("--bandwidth", metavar="FREQUENCY", help="Such as 40Hz; else the highest that holds.")
-]
-Margin = Annotated[
-    str | None, typer.Option("--margin", metavar="ANGLE", help="Least phase margin, such as 30deg; else the file's.")
-]
-PeakOption = Annotated[
-    str | None,
-    typer.Option("--ms", metavar="FACTOR", help="Largest peak of the sensitivity; without --bandwidth it is 2."),
-]
-LawOption = Annotated[Literal["pid", "cascade"] | None, typer.Option("--law", help="Else the stage file's.")]
-StartOption = Annotated[
-    Literal["rule", "own"], typer.Option("--start", help="Ratios of a cascade: by the rule, or the file's own.")
-]
 
 
 def tune(
     stage: StageArgument,
-    bandwidth: Bandwidth = None,
-    margin: Margin = None,
-    ms: PeakOption = None,
-    law: LawOption = None,
-    start: StartOption = "rule",
+    bandwidth: Annotated[
+        str | None, option("--bandwidth FREQUENCY", "Such as 40Hz; else the highest that holds.")
+    ] = None,
+    margin: Annotated[
+        str | None, option("--margin ANGLE", "Least phase margin, such as 30deg; else the file's.")
+    ] = None,
+    ms: Annotated[
+        str | None, option("--ms FACTOR", "Largest peak of the sensitivity; without --bandwidth it is 2.")
+    ] = None,
+    law: Annotated[Literal["pid", "cascade"] | None, option("--law", "Else the stage file's.")] = None,
+    start: Annotated[
+        Literal["rule", "own"], option("--start", "Ratios of a cascade: by the rule, or the file's own.")
+    ] = "rule",
     write: Write = None,
     json: Json = None,
     report: Report = None,

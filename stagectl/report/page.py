@@ -8,9 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from stagectl.problem import Problem, ProblemKind
 from stagectl.replacing import PAGE, check_replaceable, write_text
-from stagectl.units import StageError
 from stagectl.web import assets
 
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b|Hz\b)")
@@ -61,13 +59,6 @@ class Page(NamedTuple):
     config: Mapping[str, str] = {}  # text of each configuration file, by its name
 
 
-def check_name(path: Path) -> None:
-    """Raise StageError where it is no name of a page: what is written there would be taken for something else."""
-    if path.suffix.lower() not in (".html", ".htm"):
-        reason, remedy = f"{path}: a page ends in .html", f"take {path.with_suffix('.html')}"
-        raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy))
-
-
 def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     """Write the page as one self-contained file, with the text of its configuration `files`.
 
@@ -75,9 +66,7 @@ def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     """
     import jinja2  # a table needs none
 
-    check_name(path)
     check_replaceable(path, PAGE)
-    path.parent.mkdir(parents=True, exist_ok=True)
     config = {**page.config, **{str(file): file.read_text(encoding="utf-8") for file in files}}
     listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
