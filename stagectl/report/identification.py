@@ -12,7 +12,6 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.number_format import duration, length
-from stagectl.recording.metadata import versions
 from stagectl.report import interactive
 from stagectl.report.constants import MOST_CAPTURES, MOST_POINTS
 from stagectl.report.figures import TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded, weights
@@ -41,7 +40,7 @@ def page(result: dict[str, Any], source: tuple[IdentificationResult, Sequence[Ca
     title, notes = f"stagectl identify {result['method']}: {result['stage']}", [*result["notes"], *_notes(captures)]
     shown = [parameters(result), *(own.tables(identified) if hasattr(own, "tables") else [])]
     shown += [*_correlations(result), _captures(captures)]
-    return Page(title, answer(result), notes, pictures, shown, [command], versions())
+    return Page(title, answer(result), notes, pictures, shown, [command])
 
 
 def answer(result: dict[str, Any]) -> str:

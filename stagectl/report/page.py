@@ -37,10 +37,10 @@ class Section(NamedTuple):
     """A part of a longer report: text, figures and tables on one subject."""
 
     title: str
-    words: list[str]
-    figures: list[Picture]
-    tables: list[Table]
-    commands: tuple[str, ...] = ()  # to run next
+    words: Sequence[str] = ()
+    figures: Sequence[Picture] = ()
+    tables: Sequence[Table] = ()
+    commands: Sequence[str] = ()  # to run next
 
 
 class Page(NamedTuple):
@@ -48,12 +48,12 @@ class Page(NamedTuple):
 
     title: str
     answer: str
-    notes: list[str]
-    figures: list[Picture]
-    tables: list[Table]
-    commands: list[str]
-    versions: dict[str, str]
-    sections: tuple[Section, ...] = ()  # after the page's own figures and tables
+    notes: Sequence[str] = ()
+    figures: Sequence[Picture] = ()
+    tables: Sequence[Table] = ()
+    commands: Sequence[str] = ()
+    versions: Mapping[str, str] = {}  # of the software behind the results; empty: of what is installed here
+    sections: Sequence[Section] = ()  # after the page's own figures and tables
     narrow: bool = False  # figures of one column: three side by side
     filtered: bool = False  # the rows of the sections' tables can be searched
     config: Mapping[str, str] = {}  # text of each configuration file, by its name
@@ -64,7 +64,9 @@ def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
 
     Raises StageError where `path` is no name of a page, or another file than a page of ours is there.
     """
-    import jinja2  # a table needs none
+    import jinja2  # a table needs none of these
+
+    from stagectl.recording.metadata import versions
 
     check_replaceable(path, PAGE)
     config = {**page.config, **{str(file): file.read_text(encoding="utf-8") for file in files}}
@@ -72,7 +74,7 @@ def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters["typeset"] = typeset
-    given = {**page._asdict(), "config": listed, "library": _library(page)}
+    given = {**page._asdict(), "config": listed, "library": _library(page), "versions": page.versions or versions()}
     write_text(path, environment.from_string(source).render(given))
     return path
 

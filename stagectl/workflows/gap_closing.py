@@ -46,8 +46,7 @@ from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
 from stagectl.workflows import closing_patch
 from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, smaller
-from stagectl.workflows.closing_forecast import foretold
-from stagectl.workflows.closing_shares import shares
+from stagectl.workflows.closing_shares import foretold, shares
 from stagectl.workflows.layer_comparison import compare
 from stagectl.workflows.motion import Commanded, lay_out
 from stagectl.workflows.trials import Machine, Result, Shown, ready
@@ -248,7 +247,7 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
 
 
 def _foretold(closing: Closing, model: Path, errors: Errors, shown: Shown) -> dict[str, float]:
-    """What the last `model` says of the `errors` on the machine before they are measured: see `closing_forecast`."""
+    """What the last `model` says of the `errors` on the machine before they are measured: see `foretold`."""
     machine = closing.machine._replace(simulated=True, plant=closing.setup(model), elsewhere=None)
     simulated = closing._replace(machine=machine)
     return foretold(errors, _judged(simulated, model, FORETOLD, shown, ()))

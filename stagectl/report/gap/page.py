@@ -10,7 +10,6 @@ from stagectl.gap.effects.library import label
 from stagectl.gap.result import remarks_text, verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, HELD_OUT, NOISE, DiagnosisResult
 from stagectl.number_format import percent
-from stagectl.recording.metadata import versions
 from stagectl.report import interactive
 from stagectl.report.constants import LEAST_SHARE
 from stagectl.report.gap import figures
@@ -32,17 +31,14 @@ def page(result: DiagnosisResult, place: str, commands: list[str], stored: str =
         f"stagectl gap diagnose: {place}",
         result.sentence or verdict_text.sentence(result),
         _basis(result),
-        [],
-        [],
-        commands,
-        versions(),
-        sections=tuple(_of_stage(section, stage) for section in sections if section is not None),
+        commands=commands,
+        sections=[_of_stage(section, stage) for section in sections if section is not None],
     )
 
 
 def _of_stage(section: Section, stage: str) -> Section:
     """The section with this stage file in its commands."""
-    return section._replace(commands=tuple(line.replace(_ANY_STAGE, shlex.quote(stage)) for line in section.commands))
+    return section._replace(commands=[line.replace(_ANY_STAGE, shlex.quote(stage)) for line in section.commands])
 
 
 def _basis(result: DiagnosisResult) -> list[str]:
@@ -63,7 +59,7 @@ def _counted(number: int, noun: str) -> str:
 
 
 def _loop(result: DiagnosisResult, _place: str) -> Section:
-    return Section("Where in the loop", _largest_block(result), [chain(result)], [])
+    return Section("Where in the loop", _largest_block(result), [chain(result)])
 
 
 def _largest_block(result: DiagnosisResult) -> list[str]:
@@ -100,7 +96,7 @@ def _motion(result: DiagnosisResult, _place: str) -> Section | None:
         drawn, count = len(figures.most_open(result)), len(result.captures)
         rest = "" if drawn == count else f" These are the {drawn} of {count} captures with the longest times."
         pictures.append(_picture(figures.spans(result), f"Times with a gap (orange), one row per capture.{rest}"))
-    return Section("Where in the motion", [], pictures, []) if pictures else None
+    return Section("Where in the motion", [], pictures) if pictures else None
 
 
 def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
@@ -153,7 +149,7 @@ def _unknown(result: DiagnosisResult, place: str) -> Section | None:
             "A part of the gap repeats but follows no coordinate. It is larger than the error of any friction law "
             "along the measured path, or it keeps the simulated loop from following the machine."
         )
-        return Section(_UNKNOWN_TITLE, [text], [], [], ())
+        return Section(_UNKNOWN_TITLE, [text])
     text = f"A part of the gap has no known cause: {verdict_text.where_unknown(term)}."
     pictures = [_picture(figures.unknown(result), _CAPTIONS.get(term.coordinate, _CAPTION))]
     commands = (f"stagectl gap apply {place} {_ANY_STAGE} --unknown",) if term.fields else ()
@@ -173,14 +169,14 @@ def _following(result: DiagnosisResult, place: str) -> Section | None:
         )
         commands.append(f"stagectl gap apply {place} {_ANY_STAGE}")
     title = "Ambiguities and next steps" if ambiguous else "Next steps"
-    return Section(title, lines, [], [], tuple(commands)) if lines else None
+    return Section(title, lines, commands=commands) if lines else None
 
 
 def _parameters(result: DiagnosisResult, _place: str) -> Section | None:
     values = tables.values(result)
-    return Section("Parameters", [], [], [values]) if values.rows else None
+    return Section("Parameters", tables=[values]) if values.rows else None
 
 
 def _limits(result: DiagnosisResult, _place: str) -> Section | None:
     lines = remarks_text.remarks(result)
-    return Section("Notes and limits", lines, [], []) if lines else None
+    return Section("Notes and limits", lines) if lines else None

@@ -16,7 +16,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.report.constants import DENSE, MODEL_POINTS
-from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded, legend_of_each
 from stagectl.report.page import Picture
 from stagectl.units import ROTARY
 
@@ -193,9 +193,7 @@ def rolling(result: IdentificationResult, table: Characteristic, file: StageFile
         near.set_xlim(0.0, float(_micro([table.displacement[-1]], scale)[0]))
         near.set_title("where it bends", loc="left", fontsize=9, color=TARGET)
         whole.set_ylabel(f"force without offset [{result.parameters['coulomb'].unit}]")
-        handles, labels = whole.get_legend_handles_labels()
-        by_label = dict(zip(labels, handles, strict=True))
-        whole.legend(by_label.values(), by_label.keys(), loc="lower right", fontsize=8, markerscale=3)
+        legend_of_each(whole, loc="lower right", fontsize=8, markerscale=3)
     return figure
 
 
