@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli import gap_apply, gap_diagnose, gap_next, gap_twin
+from stagectl.cli import gap_apply, gap_diagnose, gap_twin
 from stagectl.cli.comparison import engine
 from stagectl.cli.options import Channel, Json, Plant, Simulate, StageArgument, option
 from stagectl.cli.show import console, deliver, emit, progress
@@ -21,7 +21,7 @@ gap = typer.Typer(
 for name, verb in (
     ("diagnose", gap_diagnose.diagnose),
     ("apply", gap_apply.apply),
-    ("next", gap_next.following),
+    ("next", gap_apply.following),
     ("watch", gap_twin.watch),
     ("drift", gap_twin.drift),
 ):

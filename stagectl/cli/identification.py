@@ -13,7 +13,7 @@ import typer
 
 from stagectl.api.arguments import ArgumentError, quantity
 from stagectl.cli.options import AxisName, Columns, Json, Report, Socket, StageArgument, Write, argument, option
-from stagectl.cli.show import console, deliver, message_event, page_path, patch, single_threaded_algebra, stream
+from stagectl.cli.show import console, deliver, page_path, patch, reporter, single_threaded_algebra
 from stagectl.identification.catalogue import listed
 from stagectl.units import Quantity, StageError
 
@@ -119,11 +119,10 @@ def _follow(stage: Path, looks: Iterator[Verdict], write: Path | None, json: str
     """Show each look until Ctrl-C, then put the scale into the stage file; exit 1 where the watch ends by itself."""
     from stagectl.config import patch as stage_patch
 
-    event, last = stream(json), None
+    report, last = reporter(json, console.print), None
     with contextlib.suppress(KeyboardInterrupt):
         for last in looks:
-            console.print(last.words)
-            event(message_event(last.words) | last._asdict())
+            report(**last._asdict())
     if last is None:
         return
     changes = {"control.friction_scale": last.scale}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,9 +21,8 @@ from stagectl.cli.options import (
 from stagectl.cli.show import (
     console,
     emit,
-    message_event,
+    reporter,
     single_threaded_algebra,
-    stream,
     summary,
     tell,
     typed,
@@ -164,23 +162,11 @@ def virtual_drive(
         setup, hidden = drawn(with_machine_of_the_day(setup, machine), machine)
         if reveal:
             console.print("\n  ".join([f"machine of the day {machine}:", *hidden.lines]), markup=False)
-    wire = setup.file.drive.wire
+    wire, report = setup.file.drive.wire, reporter(json, (lambda _: None) if json == "-" else tell)
     if isinstance(wire, Odrive):
-        serve_odrive(setup, wire, _reporter(json), lambda: bool(stopped))
+        serve_odrive(setup, wire, report, lambda: bool(stopped))
     else:
-        serve(setup, canopen(setup), _reporter(json), lambda: bool(stopped))
-
-
-def _reporter(json: str | None) -> Callable[[str], None]:
-    """A function that reports a line as text, as an event of `json`, or both."""
-    write = stream(json)
-
-    def report(words: str) -> None:
-        write(message_event(words))
-        if json != "-":
-            tell(words)
-
-    return report
+        serve(setup, canopen(setup), report, lambda: bool(stopped))
 
 
 def demo(

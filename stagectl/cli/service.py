@@ -22,10 +22,11 @@ from stagectl.cli.options import (
     argument,
     option,
 )
-from stagectl.cli.show import console, emit, is_stage, message_event, stream, without_compiler
+from stagectl.cli.show import console, emit, is_stage, reporter, without_compiler
 from stagectl.extras import require
 from stagectl.named_values import pairs
 from stagectl.problem import Problem, ProblemKind
+from stagectl.replacing import check_is_folder
 from stagectl.service import shutdown_signals
 from stagectl.units import StageError
 
@@ -64,18 +65,12 @@ def serve(
     from stagectl.web.client import own_socket
     from stagectl.web.server import run
 
-    if state is not None and state.exists() and not state.is_dir():
-        raise StageError(Problem("is a file and no folder", ProblemKind.FILE, "--state", str(state), file=state))
     folder = state or state_folder()
+    check_is_folder(folder)
     runtime = os.environ.get("RUNTIME_DIRECTORY")
     place = socket or (Path(runtime) / "control.sock" if runtime else own_socket())
     axes, coupled = machine(stages, channel), together(stages) and not uncoupled
-    write = stream(json)
-
-    def say(words: str) -> None:
-        console.print(words)
-        write(message_event(words))
-
+    say = reporter(json, console.print)
     for name, axis in axes.items():
         if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
@@ -220,18 +215,13 @@ def _places(target: list[str]) -> dict[str, str]:
     for before, text in zip(["", *target], target, strict=False):
         name, equals, value = (part.strip() for part in text.rpartition("="))
         if before and not equals and value.isalpha():
-            raise StageError(_parted(before, value))
+            remedy = f'write `stagectl move "{before} {value}"`'  # the shell has taken a number and its unit apart
+            raise StageError(Problem(f"{before} and {value} are two arguments", ProblemKind.SYNTAX, remedy=remedy))
         if name in places:
             twice = f"POSITION is given twice for {f'axis {name}' if name else 'one axis'}: {places[name]}, {value}"
             raise StageError(Problem(f"{twice}; nothing has moved", ProblemKind.REPEATED))
         places[name] = value
     return places
-
-
-def _parted(number: str, unit: str) -> Problem:
-    """A number and its unit that the shell has taken apart."""
-    reason = f"{number} and {unit} are two arguments"
-    return Problem(reason, ProblemKind.SYNTAX, remedy=f'write `stagectl move "{number} {unit}"`')
 
 
 def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] | None = None) -> None:

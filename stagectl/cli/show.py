@@ -165,9 +165,15 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     return write
 
 
-def message_event(words: str) -> dict[str, Any]:
-    """A message as an event of a continuous verb."""
-    return {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "words": words}
+def reporter(target: str | None, show: Callable[[str], object]) -> Callable[..., None]:
+    """What tells a message of a verb that goes on: by `show`, and with further facts as an event of `stream`."""
+    write = stream(target)
+
+    def report(words: str, **facts: Any) -> None:
+        show(words)
+        write({"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "words": words, **facts})
+
+    return report
 
 
 def summary(result: dict[str, Any]) -> str:

@@ -6,7 +6,6 @@ import contextlib
 import os
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -82,17 +81,13 @@ def usage_error(error: typer.TyperException) -> str:
     """What is wrong with the words that were typed, and the command that shows which are right."""
     words = error.format_message() if hasattr(error, "format_message") else str(error)
     context = getattr(error, "ctx", None)
-    command = context.command_path if context else " ".join(["stagectl", *_verbs()])
+    verb = [word for word in sys.argv[1:2] if not word.startswith("-")]
+    command = context.command_path if context else " ".join(["stagectl", *verb])
     if extra := re.fullmatch(r"Got unexpected extra arguments?(?:\(s\))? \((.*)\)", words):
         words = _too_many(context, command, extra[1].split())
     for pattern, ours in _WORDS.items():
         words = re.sub(pattern, ours, words).replace("COMMAND", command)
     return f"{words}\nsee: {command} --help"
-
-
-def _verbs() -> Iterator[str]:
-    """The command that was typed, as far as an error does not say it."""
-    return (word for word in sys.argv[1:2] if not word.startswith("-"))
 
 
 def _too_many(context: Any, command: str, extra: list[str]) -> str:

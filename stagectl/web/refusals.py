@@ -48,16 +48,12 @@ async def _not_allowed(request: Request, _: Exception) -> Response:
 async def _malformed(request: Request, error: Exception) -> Response:
     details: list[dict[str, Any]] = getattr(error, "errors", list)()
     if [(one["type"], tuple(one["loc"])) for one in details] == [("missing", ("body",))]:
-        return refusal(422, f"the body is missing: {_expected(request)}")
+        names = ", ".join(request.scope["route"].dependant.body_params[0].field_info.annotation.model_fields)
+        hint = f"send a JSON object with some of {names}; GET /openapi.json describes them"
+        return refusal(422, f"the body is missing: {hint}")
     unread = request.headers.get("content-length", "0") != "0" and "json" not in request.headers.get("content-type", "")
     words = "the body is not read as JSON: send the header Content-Type: application/json" if unread else wrong(details)
     return refusal(422, words or str(error))
-
-
-def _expected(request: Request) -> str:
-    """What the body of this path holds."""
-    model = request.scope["route"].dependant.body_params[0].field_info.annotation
-    return f"send a JSON object with some of {', '.join(model.model_fields)}; GET /openapi.json describes them"
 
 
 async def _absent(request: Request, _: Exception) -> Response:

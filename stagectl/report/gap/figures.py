@@ -65,12 +65,8 @@ def most_open(result: DiagnosisResult) -> list[Spans]:
     """The captures that are drawn, in their order: all, or those whose gap is open longest."""
     if len(result.captures) <= MOST_ROWS:
         return list(result.captures)
-    longest = sorted(result.captures, key=_open)[-MOST_ROWS:]
+    longest = sorted(result.captures, key=lambda capture: sum(b - a for a, b in capture.spans))[-MOST_ROWS:]
     return [capture for capture in result.captures if any(capture is kept for kept in longest)]
-
-
-def _open(capture: Spans) -> float:
-    return sum(end - begin for begin, end in capture.spans)
 
 
 def spans(result: DiagnosisResult) -> Figure:
@@ -118,10 +114,7 @@ def shares(result: DiagnosisResult) -> Figure:
 def _share_label(name: str) -> str:
     if name == UNEXPLAINED:
         return name.replace(" but ", " but\n")
-    return _wrapped(name if name == NOISE else label(name))
-
-
-def _wrapped(text: str) -> str:
+    text = name if name == NOISE else label(name)
     if len(text) <= LABEL_CHARACTERS:
         return text
     at = text.rfind(" ", 0, len(text) // 2 + 4)

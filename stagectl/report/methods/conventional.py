@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.report.constants import DENSE, MODEL_POINTS
 from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded, legend_of_each
@@ -23,8 +22,8 @@ from stagectl.units import ROTARY
 SHADES = ("#f59e0b", "#0ea5e9", "#8b5cf6", "#0f766e", "#be123c", "#334155")
 
 
-def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
-    """The figures of this method on an identification's page; the `captures` are not drawn."""
+def pictures(result: IdentificationResult, file: StageFile) -> list[Picture]:
+    """The figures of this method on an identification's page."""
     return [Picture(embedded(figure), f"{caption}.") for caption, figure in figures(result, file).items()]
 
 

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.report import interactive
 from stagectl.report.constants import FORCE_SHOWN, MOST_REVERSALS
@@ -43,7 +42,7 @@ class _Curves(NamedTuple):
     effort: str
 
 
-def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page."""
     curves = _curves(result, file)
     drawn = [

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from stagectl.config.stage_blocks import Axis as StageAxis
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Capture
 from stagectl.identification.result import IdentificationResult
 from stagectl.report.constants import NEAR_REVERSAL
 from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, effort_unit, embedded
@@ -34,7 +33,7 @@ SHOWN = ("exponential", "displacement", "symmetric", "symmetric-free")
 SLIDER = StageAxis("linear")
 
 
-def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page."""
     time = (
         "Friction at the first reversal, force minus M a and D v, and the fitted forms. After the crossing it assists "
