@@ -110,9 +110,7 @@ def accept(
 
 
 def verify(
-    page: Annotated[Path, argument("PAGE.json", "What `drive accept` wrote.")],
-    key: Key = None,
-    json: Json = None,
+    page: Annotated[Path, argument("PAGE.json", "What `drive accept` wrote.")], key: Key = None, json: Json = None
 ) -> None:
     """Check that an acceptance was not changed since it was signed, and says that the axis is accepted.
 

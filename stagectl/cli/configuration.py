@@ -20,10 +20,7 @@ config = typer.Typer(help="Check configuration files, export their JSON schema."
 
 
 @config.command()
-def check(
-    files: Annotated[list[Path], argument("FILE...", "Stage and trajectory files.")],
-    json: Json = None,
-) -> None:
+def check(files: Annotated[list[Path], argument("FILE...", "Stage and trajectory files.")], json: Json = None) -> None:
     """Check files without moving anything: exit 0 all good, 1 something wrong, 2 a file cannot be read.
 
     Example: stagectl config check config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml

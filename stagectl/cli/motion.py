@@ -18,16 +18,7 @@ from stagectl.cli.options import (
     Without,
     option,
 )
-from stagectl.cli.show import (
-    console,
-    emit,
-    reporter,
-    single_threaded_algebra,
-    summary,
-    tell,
-    typed,
-    without_compiler,
-)
+from stagectl.cli.show import console, emit, reporter, single_threaded_algebra, summary, tell, typed, without_compiler
 from stagectl.extras import require
 
 if TYPE_CHECKING:
@@ -170,8 +161,7 @@ def virtual_drive(
 
 
 def demo(
-    output: Annotated[Path, option("--output -o FOLDER", "Where to put it all.")] = Path("demo"),
-    json: Json = None,
+    output: Annotated[Path, option("--output -o FOLDER", "Where to put it all.")] = Path("demo"), json: Json = None
 ) -> None:
     """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation.
 

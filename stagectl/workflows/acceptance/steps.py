@@ -192,8 +192,7 @@ def protection(bench: Workbench) -> Found:
     facts |= {"set-up": description}
     if not held.supervisors:
         raise StepError(
-            "no supervisor is on in the drive (0x1016, 0x1400:05, 0x100C): it does not notice a dead controller",
-            facts,
+            "no supervisor is on in the drive (0x1016, 0x1400:05, 0x100C): it does not notice a dead controller", facts
         )
     if held.reaction not in _STOPPING:
         reported = "absent" if held.reaction is None else held.reaction
