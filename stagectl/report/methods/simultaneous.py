@@ -95,9 +95,9 @@ def loops(p: _Curves) -> Figure:
 
 
 def _loop(axis: Axes, p: _Curves, inertia: float, viscous: float) -> None:
-    large, unit = (1e-3, "mm") if p.unit == "µm" else (1e-3, "rad")
+    unit = {"µm": "mm", "mrad": "rad"}[p.unit]
     disturbance = p.columns["force"] - inertia * p.columns["acceleration"] - viscous * p.columns["velocity"]
-    place = large * p.scale * (p.columns["position"] - p.columns["position"][0])
+    place = 1e-3 * p.scale * (p.columns["position"] - p.columns["position"][0])
     axis.plot(place, disturbance, color=WITH if inertia else WITHOUT, linewidth=0.6, alpha=0.8)
     axis.set_xlabel(f"position [{unit}]")
 

@@ -18,15 +18,13 @@ from stagectl.drives.canopen.presets import for_vendor
 from stagectl.drives.canopen.probe import against_eds
 from stagectl.drives.canopen.probe import identity as reported_identity
 from stagectl.drives.drive import Fault
-from stagectl.kernels import rollout
 from stagectl.service.virtual_timeouts import waits_for_sync
 from stagectl.workflows.acceptance import limits
 from stagectl.workflows.acceptance.drive_reader import lost_controller_bound, quick_stop_bound, read_protection
-from stagectl.workflows.acceptance.traces import Mark
+from stagectl.workflows.acceptance.traces import CURRENT, FLOWING, Mark
 from stagectl.workflows.acceptance.trial import Push, Seen, connected, ramp
 from stagectl.workflows.acceptance.workbench import Found, StepError, Workbench, passed
 
-_COMMANDED, _FLOWING = rollout.COLUMNS.index("current"), rollout.COLUMNS.index("measured_current")
 _LIMITS = (Fault.TRAVEL, Fault.BRAKING)
 
 
@@ -61,7 +59,7 @@ def current_limit(bench: Workbench) -> Found:
         trial.until(lambda now: False, 2.0 * limits.CLIP_TIME)
         rows = trial.rows(len(push.currents))
         ended = trial.end()
-    commanded, flowing = float(np.max(np.abs(rows[:, _COMMANDED]))), rows[:, _FLOWING]
+    commanded, flowing = float(np.max(np.abs(rows[:, CURRENT]))), rows[:, FLOWING]
     if np.isnan(flowing).any():
         raise StepError("the drive reports no measured current (drive.wire.current_object): its limit cannot be tried")
     largest, usual = float(np.max(np.abs(flowing))), float(np.median(np.abs(flowing[len(flowing) // 2 : -2])))
