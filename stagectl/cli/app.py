@@ -31,9 +31,8 @@ from stagectl.units import StageError
 VERBS = {
     "motion": ("run", "simulate", "virtual-drive", "demo"),
     "records": ("report", "replay", "export", "import"),
-    "identification": ("identify",),
+    "identification": ("identify", "tune"),
     "comparison": ("learn", "compare", "effects"),
-    "tuning": ("tune",),
     "studies": ("reproduce",),
     "service": (
         "serve",

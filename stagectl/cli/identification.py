@@ -1,4 +1,4 @@
-"""The verb `identify`: parameters from captures, on the screen, as JSON, as a page, and into a stage file."""
+"""The verbs `identify` and `tune`: parameters and gains on the screen, as JSON, as a page, and into a stage file."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ from stagectl.units import Quantity, StageError
 
 if TYPE_CHECKING:
     from stagectl.workflows.friction_watch import Verdict
+
+
+from typing import Literal
 
 _EVERY = Quantity("s", "[1, 14]", "time of one look; the service holds the last 14 s")
 
@@ -129,3 +132,38 @@ def _follow(stage: Path, looks: Iterator[Verdict], write: Path | None, json: str
     patch(stage, write, lambda target: stage_patch.write(stage, target, changes))
     if last.ended:
         raise typer.Exit(1)
+
+
+def tune(
+    stage: StageArgument,
+    bandwidth: Annotated[
+        str | None, option("--bandwidth FREQUENCY", "Such as 40Hz; else the highest that holds.")
+    ] = None,
+    margin: Annotated[
+        str | None, option("--margin ANGLE", "Least phase margin, such as 30deg; else the file's.")
+    ] = None,
+    ms: Annotated[
+        str | None, option("--ms FACTOR", "Largest peak of the sensitivity; without --bandwidth it is 2.")
+    ] = None,
+    law: Annotated[Literal["pid", "cascade"] | None, option("--law", "Else the stage file's.")] = None,
+    start: Annotated[
+        Literal["rule", "own"], option("--start", "Ratios of a cascade: by the rule, or the file's own.")
+    ] = "rule",
+    write: Write = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
+    """Design the feedback from the stage's model, with its period and all its delays.
+
+    Without --bandwidth: the fastest design that keeps the margins.  A cascade's bandwidth is that of its position loop.
+
+    Example: stagectl tune config/ball-screw.yaml --bandwidth 30Hz --margin 30deg
+    """
+    import stagectl as sc
+
+    designed = sc.load_stage(stage, judged=False)
+    page = page_path(report, f"tune-{designed.path.stem}")
+    with console.status("searching the gains over the families of machines"):
+        tuned = sc.tune(designed, bandwidth, margin, peak=ms, law=law, own_ratios=start == "own")
+    deliver(tuned, page, json)
+    patch(stage, write, tuned.write)

@@ -207,14 +207,10 @@ def bounds_of(low: Sequence[float], high: Sequence[float]) -> tuple[float, float
 
 def _columns(low: Sequence[float], high: Sequence[float], count: int) -> list[tuple[float, float]]:
     """As many (lowest, highest) as there are columns; of each all that falls into it."""
-    extremes = []
-    for column in range(count):
-        start = column * len(low) // count
-        end = max((column + 1) * len(low) // count, start + 1)
-        bottoms = [value for value in low[start:end] if not math.isnan(value)]
-        tops = [value for value in high[start:end] if not math.isnan(value)]
-        extremes.append((min(bottoms), max(tops)) if bottoms and tops else (math.nan, math.nan))
-    return extremes
+    import numpy as np
+
+    starts = np.arange(count) * len(low) // count
+    return list(zip(np.fmin.reduceat(low, starts).tolist(), np.fmax.reduceat(high, starts).tolist(), strict=True))
 
 
 def _row(value: float, bounds: tuple[float, float], rows: int) -> int:
