@@ -122,7 +122,7 @@ def virtual_drive(
     machine_of_the_day: MachineOfTheDay = 0,
     reveal: Annotated[bool, option("--reveal", "Say what was drawn for the machine of the day.")] = False,
     follow: Annotated[
-        bool, option("--follow", "Leave when the process that started this one dies.", hidden=True)
+        bool, option("--follow/--no-follow", "Leave when the process that started this one dies.", hidden=True)
     ] = False,
     json: Lines = None,
 ) -> None:
