@@ -29,7 +29,11 @@ def check_replaceable(
     """Raises StageError where a file stands there that is none of ours: without the `mark` in its beginning.
 
     `mark` may be a function that knows; an empty one refuses any file.  `why` says what a file without it is not.
+    A `PAGE` must have the name of one, too: what is written there would be taken for something else.
     """
+    if mark == PAGE and path.suffix.lower() not in (".html", ".htm"):
+        reason, remedy = f"{path}: a page ends in .html", f"take {path.with_suffix('.html')}"
+        raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy))
     if not path.is_file():  # what else may stand there, the system refuses
         return
     if not (mark and (not path.stat().st_size or (mark(path) if callable(mark) else _begins(path, mark)))):
@@ -132,7 +136,14 @@ def json_text(result: dict[str, Any]) -> str:
     return json.dumps({**WRITTEN_BY, **result}, indent=2, allow_nan=False) + "\n"
 
 
+def write_json(path: Path, result: dict[str, Any]) -> None:
+    """Write a result where no file, or JSON of ours, stands.  Raises StageError where another file does."""
+    check_replaceable(path, JSON)
+    write_text(path, json_text(result))
+
+
 def write_text(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all."""
+    """Write a text file, whole or not at all, in a folder that exists afterwards."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as fresh:
         fresh.write_text(text, encoding="utf-8")

@@ -6,10 +6,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from stagectl.api.arguments import terminal
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json, argument, option
 from stagectl.cli.show import console, emit, stream
 from stagectl.number_format import NORMAL, duration
 from stagectl.units import StageError, unit_on
@@ -27,13 +25,10 @@ _STYLES = {"none": "green", "effects": "bold yellow", "controller": "bold red"}
 
 def watch(
     file: Annotated[
-        Path | None,
-        typer.Argument(metavar="[FILE.twin.json]", help="Snapshot of one run; default: the newest in recordings/."),
+        Path | None, argument("[FILE.twin.json]", "Snapshot of one run; default: the newest in recordings/.")
     ] = None,
-    once: Annotated[bool, typer.Option("--once", help="Show the present snapshot and exit.")] = False,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="One JSON line per snapshot; - for standard output.")
-    ] = None,
+    once: Annotated[bool, option("--once", "Show the present snapshot and exit.")] = False,
+    json: Annotated[str | None, option("--json FILE", "One JSON line per snapshot; - for standard output.")] = None,
 ) -> None:
     """Watch the twin of a run: residuals, drifts, and the effects that explain them.
 
@@ -133,8 +128,8 @@ def _number(value: float | None, unit: str) -> str:
 
 
 def drift(
-    file: Annotated[Path, typer.Argument(metavar="FILE.jsonl", help="Minute-by-minute record of `run --twin`.")],
-    axis: Annotated[str | None, typer.Option(help="Name of the axis, if the record has several.")] = None,
+    file: Annotated[Path, argument("FILE.jsonl", "Minute-by-minute record of `run --twin`.")],
+    axis: Annotated[str | None, option("--axis", "Name of the axis, if the record has several.")] = None,
     json: Json = None,
 ) -> None:
     """Report which parameter drifts over the days, how fast, and which effect explains it.

@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Drive, DriveError, Fault
-from stagectl.realtime import safety, scheduling
+from stagectl.realtime import order_rules, safety, scheduling
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.drive_opening import Opening
-from stagectl.realtime.shared_memory import CUT, HOLD, Board, Order
+from stagectl.realtime.shared_memory import Board, Order
 from stagectl.realtime.single_axis import SingleAxis
 from stagectl.realtime.states import Event, State
 from stagectl.recording.beside import order_of
@@ -30,7 +30,6 @@ from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 
 _IDLE = 0.02  # s between two looks where no drive is connected
-_STOP_EVENTS = {HOLD: Event.STOP, CUT: Event.QUICK_STOP}
 
 
 class Post(NamedTuple):
@@ -107,7 +106,7 @@ class Loop:
     def abandon(self) -> bool:
         """No orders come any more: stop what moves; whether all axes are without power."""
         for axis in self.axes:
-            _give_up(axis, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
+            order_rules.give_up(axis, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
         return not any(axis.powered for axis in self.axes)
 
     def engage(self) -> None:
@@ -143,7 +142,7 @@ class Loop:
         if faults != self._faults:
             for axis, before in zip(self.axes, self._faults, strict=True):
                 if axis.faults == before:
-                    _give_up(axis, Fault.PARTNER)
+                    order_rules.give_up(axis, Fault.PARTNER)
             self._faults = [axis.faults for axis in self.axes]
 
     def _interrupt(self) -> None:
@@ -166,13 +165,13 @@ class Loop:
         that waits is its end.
         """
         for axis in self.axes:
-            _take_stops(axis)
+            order_rules.take_stops(axis)
         pending = [(axis, order) for axis in self.axes if (order := axis.board.next_order()) is not None]
-        together = [(axis, order) for axis, order in pending if _joint(order)]
+        together = [(axis, order) for axis, order in pending if order_rules.joint(order)]
         complete = bool(together) and len(together) >= together[0][1].numbers[-1]
         possible = complete and all([axis.may_begin(order) for axis, order in together])
         for axis, order in pending:
-            joint = _joint(order)
+            joint = order_rules.joint(order)
             early = order.kind == Event.MOVE and axis.state is State.ENABLING  # it waits for the axis' power
             if not complete if joint else early:
                 if axis.board.waiting > 1:  # the others have not come, and behind it may be a stop
@@ -191,29 +190,6 @@ class Loop:
 
     def _connect(self, p: Orders) -> Drive:
         return self._opening.drive(p)
-
-
-def _take_stops(axis: Axis) -> None:
-    """Take the stops that were asked for; no queue, no other axis and no state is in their way."""
-    kinds = axis.board.next_stops()
-    for kind in kinds:
-        axis.happen(_STOP_EVENTS[kind])
-    if kinds:
-        axis.show()  # before it is heeded: whoever asked sees the state that follows
-        axis.board.heed()
-
-
-def _give_up(axis: Axis, fault: Fault) -> None:
-    """Stop an axis for a `fault` that is not its own, by the drive's ramp; by its brake as its power comes or goes."""
-    if axis.p.brake.present and axis.state in (State.ENABLING, State.ENGAGING):
-        axis.happen(Event.DISABLE)
-    elif axis.powered:
-        axis.happen(Event.RAMP, fault)
-
-
-def _joint(order: Order) -> bool:
-    """Whether it is a move that begins with those of other axes."""
-    return order.kind == Event.MOVE and order.numbers[-1] > 1.0
 
 
 def serve(post: Post, clock: Clock = WALL) -> None:

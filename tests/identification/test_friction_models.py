@@ -330,7 +330,7 @@ def test_a_run_needs_a_reference_and_a_model_that_is_stable(emps: Capture) -> No
 def test_its_figures_are_drawn(emps: Capture, family: IdentificationResult) -> None:
     """Three on the record, none where one model alone was fitted; the curves end at each model's sliding friction."""
     with_published = family._replace(details={**family.details, "published": PUBLISHED._asdict()})
-    assert len(report.pictures(with_published, [emps], FILE)) == 3
+    assert len(report.pictures(with_published, FILE)) == 3
     rows = {row["name"]: row for row in family.details["models"]}
     force = report.curve(rows["table"], np.linspace(0.0, 5e-4, 50))
     sliding = 0.5 * sum(value for name, value in rows["table"]["values"].items() if name.startswith("rise_"))
