@@ -22,18 +22,8 @@ from scipy.interpolate import CubicSpline
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous.regressors import (
-    ACCELERATION,
-    HALF,
-    VELOCITY,
-    Part,
-    Rows,
-    coarse,
-    resolution,
-    smoothed,
-    track,
-    window,
-)
+from stagectl.identification.simultaneous.regressors import ACCELERATION, VELOCITY, Part, coarse, track
+from stagectl.identification.simultaneous.windows import HALF, Rows, resolution, smoothed, window
 from stagectl.kernels import friction_bristle, friction_path, presliding
 
 

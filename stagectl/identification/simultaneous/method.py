@@ -28,15 +28,8 @@ from stagectl.identification.simultaneous import conditions, notes
 from stagectl.identification.simultaneous.estimate import NAMES, Estimate, estimated, known_delay
 from stagectl.identification.simultaneous.evidence import answered
 from stagectl.identification.simultaneous.model import DelayPrior, problem
-from stagectl.identification.simultaneous.regressors import (
-    ACCELERATION,
-    FREE,
-    VELOCITY,
-    Part,
-    knots,
-    part,
-    thinned,
-)
+from stagectl.identification.simultaneous.regressors import ACCELERATION, FREE, VELOCITY, Part, part, thinned
+from stagectl.identification.simultaneous.windows import knots
 from stagectl.units import ROTARY
 
 

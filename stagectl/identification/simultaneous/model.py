@@ -26,13 +26,13 @@ from stagectl.identification.simultaneous.regressors import (
     Part,
     coarse,
     currents,
-    resolution,
     ripple_shares,
     stepped,
     window_correlation,
 )
 from stagectl.identification.simultaneous.sensor_noise import current_noise, rounding_noise
 from stagectl.identification.simultaneous.whitening import Whitening
+from stagectl.identification.simultaneous.windows import resolution
 from stagectl.units import ROTARY
 
 GROUPS = ("ripple", "operators", "bristles", "stribeck", "lag")
