@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +17,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.filtering import FilterDesign, design_filter
 from stagectl.identification.least_squares import regression
-from stagectl.identification.least_squares.method import identify
+from stagectl.identification.least_squares.method import _without_noise, identify
 from stagectl.identification.least_squares.regression import Estimate, RegressionModel, RegressionResult, filtered
 from stagectl.identification.least_squares.regression import solved as jointly
 from stagectl.identification.resampling import parts
@@ -104,6 +106,14 @@ def test_a_slow_log_biases_no_inertia(frequency: float) -> None:
     model = RegressionModel()
     found = jointly([filtered(np.asarray(x), force, 0.01, model)], model)
     assert found.estimates["inertia"].value == pytest.approx(TRUE[0], rel=5e-4)
+
+
+@pytest.mark.parametrize(("inertias", "kept"), [((1.0, 1.5, 1.51), 1.5), ((1.0, 0.5, 0.25), 1.0), ((1.0, 1.01), 1.0)])
+def test_a_lower_cut_off_is_for_noise_which_makes_the_inertia_smaller(inertias: tuple[float, ...], kept: float) -> None:
+    """Friction that changes along a sweep halved the mass of a spindle with the cut-off: no noise does that."""
+    found: list[Any] = [SimpleNamespace(estimates={"inertia": Estimate(each, 0.02)}) for each in inertias]
+    chosen = _without_noise(found[0], lambda share: found[round(-math.log2(share))])
+    assert chosen.estimates["inertia"].value == kept
 
 
 @pytest.mark.parametrize(

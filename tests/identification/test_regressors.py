@@ -23,5 +23,5 @@ def test_no_window_is_wider_than_the_reversals_allow(noise: float) -> None:
     """At 100 Hz noise of 3 um had asked for 180 ms, where 120 ms are the most, and the capture was refused for it."""
     time = 0.01 * np.arange(3000)
     position = 5e-3 * np.sin(2.0 * np.pi * 1.2 * time) + noise * np.random.default_rng(1).standard_normal(len(time))
-    capture = Capture("log", time, position, np.zeros_like(time), 0.01)
+    capture = Capture("log", time, np.asarray(position, dtype=np.float64), np.zeros_like(time), 0.01)
     assert 2.0 * KNOTS * knots(capture) * capture.dt <= widest(capture)

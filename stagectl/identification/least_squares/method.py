@@ -64,7 +64,11 @@ def identify(
 
 
 def _without_noise(found: RegressionResult, at: Callable[[float], RegressionResult]) -> RegressionResult:
-    """`found`, or the regression `at` a share of its cut-off from which on the inertia keeps its value."""
+    """`found`, or the regression `at` a share of its cut-off from which on the inertia grows no more.
+
+    Noise of the position makes the inertia smaller, and less of it makes it larger; what makes it smaller with a lower
+    cut-off is no noise.
+    """
     share = 0.5
     while True:
         try:
@@ -72,6 +76,6 @@ def _without_noise(found: RegressionResult, at: Callable[[float], RegressionResu
         except IdentificationError:  # the records are too short to tell
             return found
         inertia = lower.estimates["inertia"]
-        if abs(inertia.value - found.estimates["inertia"].value) <= NORMAL_95 * inertia.deviation:
+        if inertia.value - found.estimates["inertia"].value <= NORMAL_95 * inertia.deviation:
             return found
         found, share = lower, 0.5 * share
