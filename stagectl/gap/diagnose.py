@@ -26,7 +26,7 @@ from stagectl.gap.experiment_design.experiment_proposal import next_experiment
 from stagectl.gap.inference import cable_centre, constant_force, unknown, value_errors
 from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.residuals import gram_matrices, sensitivities
+from stagectl.gap.residuals import gram_matrices, sensitivities, whitening
 from stagectl.gap.residuals.half_strokes import runs
 from stagectl.gap.residuals.pitch_orders import modes, orders
 from stagectl.gap.residuals.thresholds import LONGEST_PERIOD
@@ -260,7 +260,7 @@ def _empty(session: Session, verdict: str) -> DiagnosisResult:
         shares=(),
         doubts=session.doubts,
         notes=session.notes,
-        cannot_tell=session.cannot_tell,
+        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
         kind=session.kind,
         travel_per_unit=session.travel_per_unit,
         force_constant=session.stage.motor.force_constant,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -176,3 +178,13 @@ def test_an_order_of_the_pitch_is_found() -> None:
     spectrum = pitch_orders.power(signal[None], turns, 19)[0]
     assert pitch_orders.peaks(np.arange(1, 20), spectrum)[0] == 7
     assert spectrum[6] == pytest.approx(4000 / 4, rel=0.03)
+
+
+@pytest.mark.parametrize(("ripple", "said"), [(0.0, 0), (0.2, 0), (1.0, 1)])
+def test_a_ripple_above_the_band_is_said_to_be_hardly_judged(ripple: float, said: int) -> None:
+    """Cogging of a bare motor at a turn a second lies at 72 Hz: at 1 kHz it weighs next to nothing."""
+    time = 0.001 * np.arange(4000)
+    current = np.sin(2.0 * np.pi * 0.5 * time) + ripple * np.sin(2.0 * np.pi * 72.0 * time)
+    log = SimpleNamespace(driving=current, valid=np.ones(len(time), dtype=bool))
+    session: Any = SimpleNamespace(dt=0.001, logs=[log])
+    assert len(whitening.unjudged(session)) == said

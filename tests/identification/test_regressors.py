@@ -21,7 +21,7 @@ def test_the_operators_follow_a_motion_and_a_third_of_the_rounding() -> None:
 @pytest.mark.parametrize("noise", [1e-6, 3e-6, 1e-4])
 def test_no_window_is_wider_than_the_reversals_allow(noise: float) -> None:
     """At 100 Hz noise of 3 um had asked for 180 ms, where 120 ms are the most, and the capture was refused for it."""
-    time = 0.01 * np.arange(3000)
+    time = np.asarray(np.arange(3000) * 0.01, dtype=np.float64)
     position = 5e-3 * np.sin(2.0 * np.pi * 1.2 * time) + noise * np.random.default_rng(1).standard_normal(len(time))
-    capture = Capture("log", time, np.asarray(position, dtype=np.float64), np.zeros_like(time), 0.01)
+    capture = Capture("log", time, np.asarray(position, dtype=np.float64), 0.0 * position, 0.01)
     assert 2.0 * KNOTS * knots(capture) * capture.dt <= widest(capture)

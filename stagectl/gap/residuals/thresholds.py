@@ -25,6 +25,7 @@ BAND_EDGE = 0.1  # share of the band over which the filter falls to zero at its 
 # Share of the sampling frequency, 40 Hz at 2 kHz: above it the weight of an effort falls with the frequency, as a servo
 # axis attenuates it.  Impacts ring there, and no model predicts their instants.  The current has no such roll-off.
 ROLL_OFF = 0.02
+UNJUDGED = 0.25  # of the variance of the currents above it, which is said; noise alone has no such share; chosen
 KEPT = 2  # every second sample is kept: the band lies below half of the remaining sampling frequency
 LOWEST_BAND_LINES = 40  # lines of all periodograms in the lowest band, so that each band above it holds ten; chosen
 BANDS_PER_OCTAVE = 3  # of the noise; chosen

@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.signal import periodogram
 
-from stagectl.gap.logs.session import Array
+from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import thresholds
 from stagectl.gap.residuals.model_tracking import ModelResidual
+from stagectl.number_format import duration, percent
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,20 @@ def gains(p: Whitener, lines: Array, dt: float) -> tuple[Array, Array]:
     shape = math.sqrt(dt / thresholds.BAND) * edge  # a density of one over the band becomes a variance of one
     effort = np.interp(lines, p.frequency, p.effort) * shape / roll_off(lines, dt)
     return effort, np.interp(lines, p.frequency, p.current) * shape
+
+
+def unjudged(session: Session) -> list[str]:
+    """What to say where much of the effort lies at frequencies at which a missing effort weighs little."""
+    edge = thresholds.ROLL_OFF / session.dt
+    spectra = [periodogram(log.driving[log.valid], 1.0 / session.dt) for log in session.logs]
+    above, whole = np.sum([(power[lines > edge].sum(), power.sum()) for lines, power in spectra], axis=0)
+    if not above > thresholds.UNJUDGED * whole:
+        return []
+    return [
+        f"{percent(float(above / whole))} of the current's variance lies above {edge:.3g} Hz, where rows every "
+        f"{duration(session.dt)} tell little of a missing effort: what repeats there, such as cogging at speed, is "
+        "hardly judged; record a slower motion, or faster"
+    ]
 
 
 def roll_off(lines: NDArray[np.floating[Any]], dt: float) -> Array:
