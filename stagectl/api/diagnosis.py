@@ -203,7 +203,7 @@ def diagnose(
     places = paths_of(session)
     options = pipeline.Options(_excluded(exclude), full, advice)
     said = _described(named_columns(columns), model)
-    setup = None if stage is None else as_stage(stage).setup
+    setup = None if stage is None else as_stage(stage, judged=False).setup
     logs = load_session.load(places, setup, said)
     if not doubtful:
         _check(logs, model, setup)

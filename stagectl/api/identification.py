@@ -171,7 +171,7 @@ def identify(
     Raises IdentificationError where the data do not tell the parameters, RecordingError where they cannot be read.
     """
     methods.chosen(method)
-    designed = as_stage(stage)
+    designed = as_stage(stage, judged=False)  # a log was recorded by whatever loop
     recordings = _recordings(data, designed, named_columns(columns))
     held_out = [str(recording.path) for recording in recordings if captures.held_out(recording)]
     used = captures.prepared(recordings, designed.setup, current, doubtful)

@@ -212,6 +212,6 @@ def load_stage(path: PathLike, *, judged: bool = True) -> DesignedStage:
     return DesignedStage(stage_file.load_stage(Path(path), judged))
 
 
-def as_stage(stage: StageLike) -> DesignedStage:
-    """A stage, or the stage file at a path."""
-    return stage if isinstance(stage, DesignedStage) else load_stage(stage)
+def as_stage(stage: StageLike, *, judged: bool = True) -> DesignedStage:
+    """A stage, or the stage file at a path; `judged` as in `load_stage`."""
+    return stage if isinstance(stage, DesignedStage) else load_stage(stage, judged=judged)

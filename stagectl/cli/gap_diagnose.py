@@ -86,7 +86,7 @@ def diagnose(
     _check_places(target, predictions, report or target / "diagnosis.html")
     answer = sc.diagnose(
         folder,
-        stage=None if stage is None else sc.load_stage(stage),
+        stage=None if stage is None else sc.load_stage(stage, judged=False),
         columns=columns,
         model=_values(model),
         exclude=exclude or (),

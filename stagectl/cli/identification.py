@@ -90,7 +90,7 @@ def identify(
 
     page = page_path(report, f"identify-{method}")
     fit = sc.identify(
-        sc.load_stage(stage),
+        sc.load_stage(stage, judged=False),
         captures,
         method,
         current=current,
