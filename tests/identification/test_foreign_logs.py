@@ -1,4 +1,4 @@
-"""Positions with more noise than their encoder rounds: an estimated angle, an analogue sensor, uneven time stamps."""
+"""Logs of other hands: positions with more noise than their encoder rounds, and a loop that nobody would run."""
 
 from __future__ import annotations
 
