@@ -113,8 +113,9 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
 
 
 def _recording(log: Log) -> Recording:
+    stamps = log.columns["time"]
     log = repaired(log)
-    time = _checked(log)
+    time = _checked(log, stamps)
     names = [name for name in rollout.COLUMNS if name in log.columns]
     samples = np.empty(len(time), dtype=[(name, "<f8") for name in names])
     for name in names:
@@ -156,8 +157,8 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _checked(log: Log) -> Array:
-    """The log's time (s), once time and position are sound."""
+def _checked(log: Log, stamps: Array) -> Array:
+    """The log's time (s), once time and position are sound; `stamps` (s) are those of all rows of the file."""
     time = log.columns["time"]
     if len(time) < 2:
         reason = (
@@ -170,14 +171,26 @@ def _checked(log: Log) -> Array:
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
             reason = f"{log.path} has no number in {own}, row {row}: give the column, or cut the log there"
             raise RecordingError(reason, log.path, ProblemKind.MISSING, column=own, row=row)
-    if np.any(backwards := time[1:] <= time[:-1]):
-        row = int(np.argmax(backwards)) + 1
-        reason = (
-            f"{log.path}: time {time[row]:.9g} s in row {row + 1} follows {time[row - 1]:.9g} s; times must increase "
-            "strictly: remove repeated rows or sort the log"
-        )
-        raise RecordingError(reason, log.path, ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=row + 1)
+    if np.any(time[1:] <= time[:-1]):
+        raise _out_of_order(log, time, stamps)
     return time
+
+
+def _out_of_order(log: Log, time: Array, stamps: Array) -> RecordingError:
+    """What to say of a `time` that does not increase, with its rows in the file."""
+    at = int(np.argmax(time[1:] <= time[:-1])) + 1
+    if time[at] == time[at - 1]:
+        first, *_, last = (int(row) + 1 for row in np.flatnonzero(stamps == time[at]))
+        count = np.count_nonzero(time[1:] == time[:-1])
+        words = f"time {time[at]:.9g} s stands in rows {first} to {last} with different values"
+        how_many = f"{count} of {len(time)} rows have the time of the row before"
+        remedy = f"keep one row of each time, or log finer stamps; {how_many}"
+    else:
+        last = int(np.argmax(np.diff(stamps) < 0.0)) + 2
+        words = f"time {time[at]:.9g} s in row {last} follows {time[at - 1]:.9g} s"
+        remedy = "sort the log, or cut it there"
+    reason = f"{log.path}: {words}; times must increase strictly: {remedy}"
+    return RecordingError(reason, log.path, ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=last)
 
 
 def _folder(folder: Path, setup: Setup | None) -> list[Recording]:

@@ -84,8 +84,9 @@ def _without_repeats(columns: dict[str, Array], notes: list[str]) -> tuple[dict[
     again = written_twice(columns["time"], {name: column for name, column in columns.items() if name != "time"})
     if not np.any(again):
         return columns, notes
-    words = f"{np.count_nonzero(again)} of {len(again)} rows repeat the row before them: left out"
-    return {name: column[~again] for name, column in columns.items()}, [*notes, words]
+    first = float(columns["time"][int(np.argmax(again))] - columns["time"][0])
+    words = f"{np.count_nonzero(again)} of {len(again)} rows repeat the row before them, the first at {first:.6g} s"
+    return {name: column[~again] for name, column in columns.items()}, [*notes, f"{words}: left out"]
 
 
 def _without_spikes(log: Log, columns: dict[str, Array], notes: list[str]) -> tuple[dict[str, Array], list[str]]:
@@ -201,15 +202,18 @@ def _known_range(estimate: float, usual: float, step: float) -> float:
 
 
 def written_twice(time: Array, columns: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """Rows (n,) that repeat the row before them in every column; none where only the stamps repeat."""
+    """Rows (n,) that repeat the row before them in every column; none where a rounded clock repeats its stamps."""
     again = np.concatenate([[False], time[1:] == time[:-1]])
     if not np.any(again):
         return again
     same = again.copy()
     for column in columns.values():
         same[1:] &= (column[1:] == column[:-1]) | ~np.isfinite(column[1:])
-    moved = [np.any(np.diff(column)[~again[1:]] != 0.0) for column in columns.values()]
-    return same if np.array_equal(same, again) and any(moved) else np.zeros(len(time), dtype=np.bool_)
+    if np.array_equal(same, again):
+        distinct = any(np.any(np.diff(column)[~again[1:]] != 0.0) for column in columns.values())
+    else:  # an axis at rest repeats its values
+        distinct = not recovered(time)[1]
+    return same if distinct else np.zeros(len(time), dtype=np.bool_)
 
 
 def recovered(time: Array) -> tuple[Array, str]:
