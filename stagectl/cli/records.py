@@ -157,11 +157,11 @@ def import_(
     """
     from stagectl.config.stage_file import load_stage
     from stagectl.recording.columns import split
-    from stagectl.recording.guess.guess import Known
     from stagectl.recording.guess.importing import import_log
+    from stagectl.recording.scales import Known
 
     words = split(columns) if columns else None
-    known = Known(*(_scale(name, value) for name, value in (("counts", counts), ("force-constant", force_constant))))
+    known = Known(_scale("counts", counts), _scale("force-constant", force_constant))
     logs = import_log(source, load_stage(stage) if stage else None, words, known, yes)
     paths = _stored([log.recording for log in logs], source, output)
     written = []

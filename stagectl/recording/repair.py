@@ -134,7 +134,7 @@ def spikes(column: Array, effort: bool) -> NDArray[np.intp]:
     away = column[2:] + column[:-2]  # in place: a long log has little room
     away *= -0.5
     away += column[1:-1]
-    limit = constants.SPIKE * max(_high(np.abs(away)), _smallest_step(column))
+    limit = constants.SPIKE * max(_high(np.abs(away)), smallest_step(column))
     rows = np.flatnonzero((away > limit) | (away < -limit)) + 1
     rows = rows[(rows > 1) & (rows < len(column) - 2)]
     before, here, after = (away[rows - 1 + shift] for shift in (-1, 0, 1))
@@ -165,7 +165,7 @@ def wrap_of(position: Array, step: float) -> float:
     estimate = float(np.median(sizes)) + _speed_at(changes, far)
     if float(np.ptp(sizes)) > 4.0 * usual or not width <= estimate <= width + 4.0 * usual:
         return 0.0
-    known = _known_range(estimate, usual, step or _smallest_step(position))
+    known = _known_range(estimate, usual, step or smallest_step(position))
     return known or (estimate if len(sizes) > 1 else 0.0)
 
 
@@ -180,7 +180,8 @@ def _high(values: Array) -> float:
     return float(np.quantile(values[:: 1 + len(values) // constants.QUANTILE_ROWS], constants.USUAL))
 
 
-def _smallest_step(column: Array) -> float:
+def smallest_step(column: Array) -> float:
+    """The smallest change of a column (n,) from row to row, within its first rows; 0 where it does not change."""
     steps = np.abs(np.diff(column[: constants.STEP_LOOK]))
     return float(np.min(steps[steps > 0.0], initial=np.inf)) if np.any(steps > 0.0) else 0.0
 

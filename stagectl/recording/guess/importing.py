@@ -12,10 +12,10 @@ from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import constants
 from stagectl.recording.columns import MOTIONS, choices, scales_by_unit
 from stagectl.recording.guess import units
-from stagectl.recording.guess.guess import Guess, GuessedColumn, Known, guess
+from stagectl.recording.guess.guess import Guess, GuessedColumn, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import read
-from stagectl.recording.scales import Scales, scales_of_stage
+from stagectl.recording.scales import Known, Scales, scales_of_stage
 from stagectl.units import LINEAR
 
 _LOGS = (".csv", ".mat")
@@ -57,7 +57,7 @@ def _complete(words: Mapping[str, str] | None) -> bool:
 
 def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
     stated = scales_of_stage(setup) if setup is not None else None
-    taken = guess(path, known._replace(rated_current=stated.rated_current) if stated else known, words)
+    taken = guess(path, known.of_stage(setup) if setup else known, words)
     if stated is not None:
         taken = taken._replace(scales=stated, notes=())
     else:

@@ -11,16 +11,17 @@ import numpy as np
 from stagectl.number_format import percent
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
-from stagectl.recording.guess import motion
+from stagectl.recording.guess import motion, units
 from stagectl.recording.guess.table import Column
 
 _HINTS = {
     "time": r"time|stamp|^t$",
-    "position": r"pos|angle|enc|theta|^q$|^qm$|^x$",
+    "position": r"pos|angle|(?<![a-z])enc|theta|^q$|^qm$|^x$",
     "velocity": r"vel|speed|omega|r/min|rpm|^dq|^v$",
-    "reference": r"ref|setp|desired|^qg$|^qd$",
-    "effort": r"curr|torque|force|moment|tau|^i$|^iq$|^u$|^vir$",
-    "command": r"cmd|command|demand|target|desired|^u$|^vir$",
+    "reference": r"ref|setp|desired|demand|target|command|cmd|^qg$|^qd$",
+    "effort": rf"{units.CURRENT}|torque|force|moment|tau|^u$|^vir$",
+    "command": r"cmd|command|demand|target|desired|ref|setp|^u$|^vir$",
+    "no effort": r"volt|supply|accel|temp|(?<![a-z])(?:acc|[uvi]_?d|[uv]_?q|[uv]_?(?:dc|bus|link|batt?|in))(?![a-z])",
 }
 
 
@@ -34,8 +35,16 @@ class Role(NamedTuple):
 
 
 def hinted(column: Column, quantity: str) -> bool:
-    """Whether the words around a column name a quantity."""
+    """Whether the words around a column name a quantity; those of a voltage name no effort, whatever else they say."""
+    if quantity == "effort" and hinted(column, "no effort"):
+        return False
     return re.search(_HINTS[quantity], column.words) is not None
+
+
+def _may_drive(column: Column) -> bool:
+    """Whether a column can be an effort by its words: they name one, or no other quantity."""
+    others = ("time", "position", "velocity", "no effort")
+    return hinted(column, "effort") or not any(hinted(column, quantity) for quantity in others)
 
 
 def live(columns: Sequence[Column]) -> list[Column]:
@@ -127,7 +136,7 @@ def reference_of(columns: Sequence[Column], position: Column) -> tuple[Role, Col
     following = [
         (share, column)
         for column in columns
-        if column is not position and (share := motion.follows(column.values, position.values)) > constants.FOLLOWS
+        if column is not position and (share := motion.follows(column.values, position.values)) > _least(column)
     ]
     if not following:
         return None
@@ -139,6 +148,12 @@ def reference_of(columns: Sequence[Column], position: Column) -> tuple[Role, Col
     named = hinted(reference, "reference")
     why = "its header says reference" if named else f"the position follows it within {percent(max(1.0 - share, 0.0))}"
     return Role(reference, constants.SURE_BY_NAME if named else constants.SURE_BY_MAGNITUDE, why), measured
+
+
+def _least(column: Column) -> float:
+    """The share of a position that `column` must hold to be its reference: less where its words say that it is one."""
+    named = hinted(column, "reference") and not hinted(column, "effort")
+    return constants.FOLLOWS_BY_NAME if named else constants.FOLLOWS
 
 
 def of_one_axis(columns: Sequence[Column], position: Role, velocity: Role | None, width: int) -> list[Column]:
@@ -158,8 +173,9 @@ def of_one_axis(columns: Sequence[Column], position: Role, velocity: Role | None
 
 def efforts(columns: Sequence[Column], blocks: motion.Blocks, speed: Array) -> list[Role]:
     """What may drive the motion with the blocks' `speed` (b,), the likeliest measured current first."""
-    roles = [_as_effort(column, motion.drives(blocks, speed, column.values)) for column in columns]
-    best = max(roles, key=lambda role: role.sure, default=None)
+    free = filter(_may_drive, columns)
+    roles = [_as_effort(column, motion.drives(blocks, speed, column.values)) for column in free]
+    best = max(roles, key=_likeliest, default=None)
     if best is None:
         return []
     if best.sure < constants.LEAST_DRIVE:
@@ -169,10 +185,16 @@ def efforts(columns: Sequence[Column], blocks: motion.Blocks, speed: Array) -> l
 
 
 def _as_effort(column: Column, drive: motion.Drive) -> Role:
-    why = f"the motion explains {100.0 * drive.share:.3g} % of it"
+    """A name is not sure of a sign: one that is turned is as sure as the motion shows it."""
+    sure, why = min(drive.share, constants.SURE_BY_PHYSICS), f"the motion explains {100.0 * drive.share:.3g} % of it"
     if hinted(column, "effort"):
-        return Role(column, constants.SURE_BY_NAME, f"its header says what drives, {why}", drive.sign)
-    return Role(column, min(drive.share, constants.SURE_BY_PHYSICS), why, drive.sign)
+        named = constants.SURE_BY_NAME if drive.sign > 0.0 else max(sure, constants.SURE_BY_DEFAULT)
+        return Role(column, named, f"its header says what drives, {why}", drive.sign)
+    return Role(column, sure, why, drive.sign)
+
+
+def _likeliest(role: Role) -> tuple[bool, bool, float]:
+    return hinted(role.column, "effort"), not hinted(role.column, "command"), role.sure
 
 
 def ahead(first: Role, second: Role) -> bool:
@@ -190,7 +212,7 @@ def together(blocks: motion.Blocks, first: Role, second: Role) -> float:
     return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) > 0.0 and np.ptp(b) > 0.0 else 0.0
 
 
-def _measured_first(role: Role) -> tuple[bool, bool, float]:
-    """Noise shows what was measured; a header that speaks of a command, or whole numbers without a unit, come last."""
-    values = role.column.values
-    return hinted(role.column, "command"), bool(np.all(values == np.rint(values))), -motion.roughness(values)
+def _measured_first(role: Role) -> tuple[bool, bool, bool, float]:
+    """Names come first, then noise, which shows what was measured; a command or whole numbers without a unit last."""
+    column, whole = role.column, bool(np.all(role.column.values == np.rint(role.column.values)))
+    return hinted(column, "command"), not hinted(column, "effort"), whole, -motion.roughness(column.values)
