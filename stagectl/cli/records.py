@@ -129,7 +129,8 @@ def _export_recordings(recordings: list[Path], to: Format, output: Path | None, 
 
 def import_(
     source: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A .csv, a .mat, a folder of captures, or a folder of logs.")
+        Path,
+        typer.Argument(metavar="FILE", help="A text table, a .mat, a folder of captures, or a folder of logs."),
     ],
     stage: Annotated[
         Path | None, typer.Option(metavar="STAGE.yaml", help="Stage file with the scales of the columns.")

@@ -174,10 +174,10 @@ def _unit(choice: Choice, scales: Scales, path: Path) -> str:
 
 
 def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
-    """The kind of the axis by the units of its positions.  Raises RecordingError where they do not show it."""
+    """The kind of the axis by the units of its positions or velocities.  Raises RecordingError where none shows it."""
     known = [unit for unit in units if unit]
     for bases in map(bases_of, known):
-        if bases in ({"rad": 1}, {"m": 1}):
+        if bases in ({"rad": 1}, {"m": 1}, {"rad": 1, "s": -1}, {"m": 1, "s": -1}):
             return Scales(ROTARY, travel_unit="rad") if "rad" in bases else Scales(LINEAR)
     what = f" from a position in {known[0]}" if known else ": no column is named position_<unit>"
     reason = (
@@ -195,7 +195,7 @@ def of_choices(
     The scales are those that are `taken`, else those that follow from the units of the positions.
     Raises RecordingError where time or position is not among them.
     """
-    units = (choice.unit for choice in chosen if choice.quantity == "position")
+    units = (choice.unit for choice in chosen if choice.quantity in ("position", "velocity"))
     scales = taken or scales_by_unit(units, path)
     known: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:

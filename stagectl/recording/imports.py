@@ -21,6 +21,7 @@ from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import Array, Log, without
 from stagectl.recording.constants import ROWS_TO_USE
 from stagectl.recording.content import stranger
+from stagectl.recording.csv_layout import is_table
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, save
 from stagectl.recording.metadata import STAMP, versions
 from stagectl.recording.repair import repaired
@@ -62,11 +63,17 @@ def read(
     if not path.is_file():
         raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE)
     kind = path.suffix.lower()
-    if kind == ".csv":
+    if is_text_log(path):
         return [_clocked(_recording(csv_logs.read(path, setup, {}, columns, scales)), setup)]
     if kind == ".mat":
         return [_clocked(_recording(mat_logs.read(path, setup, columns, scales)), setup)]
     raise RecordingError(_no_log(path, kind), path, ProblemKind.SHAPE)
+
+
+def is_text_log(path: Path) -> bool:
+    """Whether a file is a table as text: by its ending, or by what it holds."""
+    kind = path.suffix.lower()
+    return kind == ".csv" or (kind not in (".mat", ".h5", ".yaml", ".yml", *_TURNED) and is_table(path))
 
 
 def _no_log(path: Path, kind: str) -> str:
@@ -80,8 +87,8 @@ def _no_log(path: Path, kind: str) -> str:
     if not turned and (what := stranger(path)):
         return f"{path} {what}"
     return (
-        f"{path} cannot be imported; these can: .csv with a header of quantities and units "
-        "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
+        f"{path} cannot be imported; these can: a text table (.csv, .txt) with a header of quantities "
+        "and units (time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
         f"{turned}"
     )
 

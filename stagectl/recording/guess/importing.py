@@ -14,11 +14,11 @@ from stagectl.recording.columns import MOTIONS, choices, scales_by_unit
 from stagectl.recording.guess import units
 from stagectl.recording.guess.guess import Guess, GuessedColumn, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
-from stagectl.recording.imports import read
+from stagectl.recording.imports import is_text_log, read
 from stagectl.recording.scales import Known, Scales, scales_of_stage
 from stagectl.units import LINEAR
 
-_LOGS = (".csv", ".mat")
+_LOGS = (".csv", ".txt", ".mat")
 
 
 class Imported(NamedTuple):
@@ -36,9 +36,9 @@ def import_log(
     Raises RecordingError where it cannot be read, or where the guess is not sure.
     """
     if path.is_dir() and not (path / "captures.yaml").is_file():
-        logs = [file for file in sorted(path.iterdir()) if file.suffix.lower() in _LOGS]
+        logs = [file for file in sorted(path.iterdir()) if _is_log(file)]
         if not logs:
-            reason = f"{path} holds neither captures.yaml nor logs ({' or '.join(_LOGS)}); give a folder that does"
+            reason = f"{path} holds neither captures.yaml nor logs ({', '.join(_LOGS)}); give a folder that does"
             raise RecordingError(reason, path, ProblemKind.MISSING)
         return [imported for log in logs for imported in import_log(log, setup, words, known, unsure)]
     try:
@@ -48,6 +48,12 @@ def import_log(
         if path.is_dir() or not unnamed or _complete(words):
             raise
     return [_guessed(path, setup, words or {}, known, unsure)]
+
+
+def _is_log(path: Path) -> bool:
+    """Whether a file of a folder is a log: notes beside logs are text, too."""
+    kind = path.suffix.lower()
+    return kind in _LOGS and (kind == ".mat" or is_text_log(path))
 
 
 def _complete(words: Mapping[str, str] | None) -> bool:
@@ -86,8 +92,8 @@ def _check_known(path: Path, taken: Guess, stated: Scales | None) -> None:
 
 
 def _of_kind(scales: Scales, words: Mapping[str, str], path: Path) -> Scales:
-    """The guessed scales, on the kind of axis that the unit of a named position tells."""
-    named = [choice.unit for choice in choices(words) if choice.quantity == "position"]
+    """The guessed scales, on the kind of axis that the unit of a named position or velocity tells."""
+    named = [choice.unit for choice in choices(words) if choice.quantity in ("position", "velocity")]
     with contextlib.suppress(RecordingError):  # a unit such as counts tells nothing
         known = scales_by_unit(named, path)
         return scales._replace(kind=known.kind, travel_unit=known.travel_unit)

@@ -185,11 +185,14 @@ def efforts(columns: Sequence[Column], blocks: motion.Blocks, speed: Array) -> l
 
 
 def _as_effort(column: Column, drive: motion.Drive) -> Role:
-    """A name is not sure of a sign: one that is turned is as sure as the motion shows it."""
+    """A name is not sure of a sign, and a motion that explains little of a column does not turn it."""
     sure, why = min(drive.share, constants.SURE_BY_PHYSICS), f"the motion explains {100.0 * drive.share:.3g} % of it"
+    turned = drive.sign < 0.0
     if hinted(column, "effort"):
-        named = constants.SURE_BY_NAME if drive.sign > 0.0 else max(sure, constants.SURE_BY_DEFAULT)
-        return Role(column, named, f"its header says what drives, {why}", drive.sign)
+        why = f"its header says what drives, {why}"
+        sure = max(sure, constants.SURE_BY_DEFAULT) if turned else constants.SURE_BY_NAME
+    if turned and drive.share < constants.LEAST_SURE:
+        return Role(column, sure, f"{why}, and seems to oppose it: check the sign", 1.0)
     return Role(column, sure, why, drive.sign)
 
 

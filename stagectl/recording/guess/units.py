@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.number_format import duration
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
 from stagectl.recording.repair import smallest_step
@@ -54,15 +55,15 @@ def known(quantity: str) -> tuple[str, ...]:
 
 
 def of_time(words: str, time: Array) -> Unit:
-    """The unit with which the rows come at 100 Hz to 10 kHz."""
+    """The unit with which the rows come at 100 Hz to 10 kHz, or else at least often enough to show a motion."""
     if unit := said(words, "time"):
         return unit
     step = float(np.median(np.diff(time))) or float(np.ptp(time)) / len(time)
     low, high = constants.USUAL_STEPS
-    fit = [name for name, size in SECONDS.items() if low <= step * size <= high]
-    name = fit[0] if fit else "s"
-    sure = constants.SURE_BY_MAGNITUDE if not fit else constants.SURE_BY_PHYSICS
-    return Unit(name, sure, f"rows come every {step * SECONDS[name] * 1e3:.4g} ms")
+    for longest, sure in ((high, constants.SURE_BY_PHYSICS), (constants.RARE_ROWS, constants.SURE_BY_MAGNITUDE)):
+        if fit := [name for name, size in SECONDS.items() if low <= step * size <= longest]:
+            return Unit(fit[0], sure, f"rows come every {duration(step * SECONDS[fit[0]])}")
+    return Unit("s", constants.SURE_BY_DEFAULT, f"no header names a unit, and rows come every {step:.4g}")
 
 
 def of_position(words: str, position: Array, ratio: float, speed_unit: str, known: Known) -> Unit:
