@@ -25,7 +25,7 @@ from stagectl.recording.csv_layout import is_table
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, save
 from stagectl.recording.metadata import STAMP, versions
 from stagectl.recording.repair import repaired
-from stagectl.recording.scales import Scales, read_values
+from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, read_values
 from stagectl.recording.wrong_units import by_rows
 
 # How a file of another kind becomes one that can be imported, in Python.
@@ -47,11 +47,12 @@ def read(
     setup: Setup | None = None,
     columns: Mapping[str, str] | None = None,
     scales: Scales | None = None,
+    known: Known = NOTHING_KNOWN,
 ) -> list[Recording]:
     """The recordings in a file or folder; `setup` is the stage it was recorded on, for its scales.
 
     `columns` says which column or variable is which, where names do not: ``{"position": "qm:mm"}``; with them, `scales`
-    may stand in for a stage.
+    may stand in for a stage.  What is `known` is taken where the log has no stage.
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
@@ -59,14 +60,14 @@ def read(
         if columns:
             reason = f"{path} is a folder of captures, whose headers name the columns: leave out --columns"
             raise RecordingError(reason, path, ProblemKind.CONFLICT)
-        return _folder(path, setup)
+        return _folder(path, setup, known)
     if not path.is_file():
         raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE)
     kind = path.suffix.lower()
     if is_text_log(path):
-        return [_clocked(_recording(csv_logs.read(path, setup, {}, columns, scales)), setup)]
+        return [_clocked(_recording(csv_logs.read(path, setup, {}, columns, scales, known)), setup)]
     if kind == ".mat":
-        return [_clocked(_recording(mat_logs.read(path, setup, columns, scales)), setup)]
+        return [_clocked(_recording(mat_logs.read(path, setup, columns, scales, known)), setup)]
     raise RecordingError(_no_log(path, kind), path, ProblemKind.SHAPE)
 
 
@@ -200,7 +201,7 @@ def _out_of_order(log: Log, time: Array, stamps: Array) -> RecordingError:
     return RecordingError(reason, log.path, ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=last)
 
 
-def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
+def _folder(folder: Path, setup: Setup | None, known: Known) -> list[Recording]:
     if not (folder / "captures.yaml").is_file():
         reason = f"{folder} holds no captures.yaml, so it is no folder of captures: name the logs in it one by one"
         raise RecordingError(reason, folder, ProblemKind.MISSING)
@@ -222,7 +223,7 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
         if nominal and path.parent == folder:  # read once for all of them
             about["nominal"] = nominal
-        recordings.append(_recording(_with_beside(csv_logs.read(path, setup, about), entry)))
+        recordings.append(_recording(_with_beside(csv_logs.read(path, setup, about, known=known), entry)))
     return recordings
 
 

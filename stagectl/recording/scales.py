@@ -31,6 +31,7 @@ _RATED = (
     "stage.rated_current (A) in nominal.yaml next to the log, or as rated_current=... in --model; or write the column "
     "in A"
 )
+_OPTIONS = {"stage.encoder_step": "--counts N", "stage.force_constant": "--force-constant K"}  # of `stagectl import`
 _EFFORTS = ("N", "kN", "N m", "mN m", "kN m", "N cm")
 
 
@@ -107,7 +108,8 @@ class Scales(NamedTuple):
 
     def _known(self, value: float, what: str, key: str, where: str = "") -> float:
         if value == 0.0:
-            place = where or f"write {key} in nominal.yaml next to the log, or give --stage"
+            option = f", or import it with {_OPTIONS[key]}" if key in _OPTIONS else ""
+            place = where or f"write {key} in nominal.yaml next to the log, or give --stage{option}"
             raise RecordingError(f"{what} has no scale: {place}", kind=ProblemKind.MISSING, column=key)
         return value
 

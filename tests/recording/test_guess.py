@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from stagectl.config.stage_file import load_stage
 from stagectl.problem import ProblemKind
@@ -100,9 +101,10 @@ def test_names_of_the_field_decide_what_is_a_current(tmp_path: Path, header: str
 
 
 def test_a_velocity_that_fits_no_position_is_no_current(tmp_path: Path) -> None:
-    """It was recorded late and rough, so that it is not the derivative of the angle beside it."""
+    """The angle was set to zero after its first row, so that the rough velocity beside it is not its derivative."""
     made = damage.motion()
-    speed = np.roll(np.gradient(made["position"], made["time"]), 300)
+    speed = np.gradient(made["position"], made["time"]) + np.random.default_rng(9).normal(0.0, 2.0, 12000)
+    made["position"][0] += 60.0
     columns = {"t": made["time"], "x": made["position"], "v": speed, "i": made["current"]}
     guessed = taken(guess(written(tmp_path, columns, "pi_time,angle,velocity,current"), UNKNOWN))
     assert guessed["current"] == "4:A" and "command" not in guessed
@@ -127,12 +129,76 @@ def test_a_position_that_is_called_a_target_is_the_reference(tmp_path: Path) -> 
     assert guessed == {"time": "1:s", "position": "4:rad", "reference": "2:rad", "current": "5:A"}
 
 
-def test_a_sign_that_little_shows_is_asked_for(tmp_path: Path) -> None:
+def test_a_sign_that_little_shows_is_kept_and_asked_for(tmp_path: Path) -> None:
+    """Within a loop at one speed, what the motion seems to say of the current is the loop's answer."""
     made = damage.motion()
     rough = np.random.default_rng(8).normal(0.0, 1.0, 24).repeat(500)
     columns = {"t": made["time"], "x": made["position"], "i": rough - 0.1 * made["current"]}
     guessed = guess(written(tmp_path, columns, "t,position [rad],current [A]"), UNKNOWN)
-    assert taken(guessed)["current"] == "-3:A" and guessed.sure < 0.5
+    assert taken(guessed)["current"] == "3:A" and guessed.sure < 0.5
+
+
+@pytest.mark.parametrize(
+    ("step", "unit", "sure"),
+    [(13.0, "ms", 0.5), (0.02, "s", 0.5), (0.5, "ms", 0.9), (400.0, "us", 0.9), (1e-5, "s", 0.3)],
+)
+def test_a_time_is_in_the_unit_in_which_its_rows_show_a_motion(
+    tmp_path: Path, step: float, unit: str, sure: float
+) -> None:
+    made = damage.motion()
+    columns = {"time": step * np.arange(12000.0), "x": made["position"], "i": made["current"]}
+    time = guess(written(tmp_path, columns, "time,position [rad],current [A]"), UNKNOWN).columns[0]
+    assert (time.unit, time.sure) == (unit, sure)
+
+
+@pytest.mark.parametrize(("unit", "kind"), [("rpm", "rotary"), ("mm/s", "linear")])
+def test_the_unit_of_a_named_velocity_tells_the_axis(tmp_path: Path, unit: str, kind: str) -> None:
+    made = damage.motion()
+    path = written(
+        tmp_path, {"t": made["time"], "v": np.gradient(made["position"], made["time"]), "i": made["current"]}
+    )
+    ((recording, guessed),) = import_log(
+        path, None, {"time": "1:s", "velocity": f"2:{unit}", "current": "3:A"}, UNKNOWN, unsure=False
+    )
+    assert guessed is None and recording.meta["axis"]["kind"] == kind
+
+
+WORDS = {"time": "1:s", "position": "2:deg", "current": "3:Nm"}
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [("time_s,position_deg,torque_Nm", None), ("t,x,m", WORDS), ("t,x [deg],torque [Nm]", None)],
+)
+def test_a_force_constant_is_used_whatever_says_the_unit(
+    tmp_path: Path, header: str, words: dict[str, str] | None
+) -> None:
+    """A header, the user, or a guess; and a nominal.yaml that says another."""
+    made = damage.motion()
+    path = written(tmp_path, {"t": made["time"], "x": np.degrees(made["position"]), "m": made["current"]}, header)
+    for _ in range(2):
+        ((recording, _),) = import_log(path, None, words, Known(force_constant=0.5), unsure=True)
+        np.testing.assert_allclose(recording.column("measured_current"), 2.0 * made["current"], rtol=1e-9)
+        assert recording.meta["nominal"]["stage"]["force_constant"] == 0.5
+        (tmp_path / "nominal.yaml").write_text("stage: {kind: rotary, force_constant: 7.0}\n")
+
+
+def test_a_force_constant_is_used_for_a_matlab_file(tmp_path: Path) -> None:
+    made = damage.motion()
+    savemat(
+        tmp_path / "log.mat", {"time_s": made["time"], "position_rad": made["position"], "torque_Nm": made["current"]}
+    )
+    ((recording, _),) = import_log(tmp_path / "log.mat", None, None, Known(force_constant=0.5), unsure=False)
+    np.testing.assert_allclose(recording.column("measured_current"), 2.0 * made["current"])
+
+
+def test_counts_are_used_where_a_nominal_file_lacks_them(tmp_path: Path) -> None:
+    made = damage.motion()
+    path = written(tmp_path, {**made, "position": np.rint(1e3 * made["position"])}, "time_s,position_counts,current_A")
+    (tmp_path / "nominal.yaml").write_text("stage: {kind: rotary}\n")
+    ((recording, guessed),) = import_log(path, None, None, Known(counts=1e3 * TURN), unsure=False)
+    np.testing.assert_allclose(recording.column("measured"), made["position"], atol=6e-4)
+    assert guessed is None and recording.meta["axis"]["encoder_step"] == pytest.approx(1e-3)
 
 
 def test_a_command_comes_before_what_is_measured(tmp_path: Path) -> None:

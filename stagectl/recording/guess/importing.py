@@ -42,7 +42,7 @@ def import_log(
             raise RecordingError(reason, path, ProblemKind.MISSING)
         return [imported for log in logs for imported in import_log(log, setup, words, known, unsure)]
     try:
-        return [Imported(recording, None) for recording in read(path, setup, words)]
+        return [Imported(_with(recording, known), None) for recording in read(path, setup, words, known=known)]
     except RecordingError as error:
         unnamed = error.problems[0].kind in (ProblemKind.MISSING, ProblemKind.UNIT) and not error.row
         if path.is_dir() or not unnamed or _complete(words):
@@ -59,6 +59,18 @@ def _is_log(path: Path) -> bool:
 def _complete(words: Mapping[str, str] | None) -> bool:
     """Whether the user named all that a log must have: then a refusal is about these words."""
     return bool(words) and "time" in (words or {}) and bool({"position", "velocity"} & set(words or {}))
+
+
+def _with(recording: Recording, known: Known) -> Recording:
+    """The recording with what the user says of its machine, as a nominal.yaml beside it would."""
+    axis, nominal = recording.meta["axis"], recording.meta.get("nominal", {})
+    step = axis["encoder_step"] if known.counts else None
+    said = {"force_constant": known.force_constant or None, "encoder_step": step}
+    if said := {key: value for key, value in said.items() if value is not None}:
+        unit = "m" if axis["kind"] == LINEAR else "rad"
+        stage = nominal.get("stage") or {"name": recording.path.stem, "kind": axis["kind"], "position_unit": unit}
+        recording.meta["nominal"] = {**nominal, "stage": {**stage, **said}}
+    return recording
 
 
 def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
