@@ -100,6 +100,15 @@ def test_names_of_the_field_decide_what_is_a_current(tmp_path: Path, header: str
     assert {name: where for name, where in guessed.items() if name in ("current", "command")} == expected
 
 
+def test_a_current_comes_before_a_torque_and_a_command_after_both(tmp_path: Path) -> None:
+    """The command is rougher than the torque, and the torque than the current."""
+    made, rng = damage.motion(), np.random.default_rng(10)
+    command, torque = (made["current"] + rng.normal(0.0, size, 12000) for size in (0.5, 0.2))
+    columns = {"t": made["time"], "x": made["position"], "c": command, "m": torque, "i": made["current"]}
+    guessed = taken(guess(written(tmp_path, columns, "t,x,torque_command,sensor_torque,motor_current"), UNKNOWN))
+    assert guessed["current"] == "5:A" and guessed["command"].startswith("3:")
+
+
 def test_a_velocity_that_fits_no_position_is_no_current(tmp_path: Path) -> None:
     """The angle was set to zero after its first row, so that the rough velocity beside it is not its derivative."""
     made = damage.motion()

@@ -166,10 +166,10 @@ def _efforts(
 
 
 def _after_its_command(driving: list[Role], blocks: motion.Blocks) -> Role:
-    """The measured column: of two that are both named, or both not, the one that follows the other."""
+    """The measured column: of two that are named alike, or both not, the one that follows the other."""
     first = driving[0]
     command = _command(driving, first, blocks)
-    alike = command is not None and hinted(command.column, "effort") == hinted(first.column, "effort")
+    alike = command is not None and roles.by_name(command.column) == roles.by_name(first.column)
     return command if command and alike and roles.ahead(first, command) else first
 
 
@@ -208,7 +208,7 @@ def _usable(unit: Unit, scales: Scales) -> tuple[Unit, Scales, list[str]]:
 
 
 def _command(driving: list[Role], measured: Role, blocks: motion.Blocks) -> Role | None:
-    """The smoothest other column that goes with the measured one."""
+    """The other column that goes with the measured one: what is called a command, else the smoothest."""
     alike = [
         role
         for role in driving
@@ -216,7 +216,7 @@ def _command(driving: list[Role], measured: Role, blocks: motion.Blocks) -> Role
         and roles.together(blocks, role, measured) > constants.GOES_WITH
         and _correlation(role, measured) < constants.PROPORTIONAL
     ]
-    return min(alike, key=lambda role: motion.roughness(role.column.values), default=None)
+    return min(alike, key=lambda role: (not hinted(role.column, "command"), role.rough), default=None)
 
 
 def _unit_of_command(command: Role, measured: Role, unit: Unit, scales: Scales) -> Unit:

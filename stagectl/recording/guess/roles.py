@@ -33,6 +33,11 @@ class Role(NamedTuple):
     why: str
     ratio: float = 0.0  # of a velocity: d position/dt over it; of an effort: the sign with which it drives
 
+    @property
+    def rough(self) -> float:
+        """How noisy its column is."""
+        return motion.roughness(self.column.values)
+
 
 def hinted(column: Column, quantity: str) -> bool:
     """Whether the words around a column name a quantity; those of a voltage name no effort, whatever else they say."""
@@ -196,8 +201,18 @@ def _as_effort(column: Column, drive: motion.Drive) -> Role:
     return Role(column, sure, why, drive.sign)
 
 
-def _likeliest(role: Role) -> tuple[bool, bool, float]:
-    return hinted(role.column, "effort"), not hinted(role.column, "command"), role.sure
+def _likeliest(role: Role) -> tuple[tuple[bool, ...], float]:
+    return by_name(role.column), role.sure
+
+
+def by_name(column: Column) -> tuple[bool, ...]:
+    """How well the words around a column name a measured current; the largest is the best."""
+    effort = hinted(column, "effort")
+    return (
+        not (effort and hinted(column, "command")),
+        effort,
+        effort and re.search(units.CURRENT, column.words) is not None,
+    )
 
 
 def ahead(first: Role, second: Role) -> bool:
@@ -215,7 +230,7 @@ def together(blocks: motion.Blocks, first: Role, second: Role) -> float:
     return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) > 0.0 and np.ptp(b) > 0.0 else 0.0
 
 
-def _measured_first(role: Role) -> tuple[bool, bool, bool, float]:
-    """Names come first, then noise, which shows what was measured; a command or whole numbers without a unit last."""
-    column, whole = role.column, bool(np.all(role.column.values == np.rint(role.column.values)))
-    return hinted(column, "command"), not hinted(column, "effort"), whole, -motion.roughness(column.values)
+def _measured_first(role: Role) -> tuple[tuple[bool, ...], bool, float]:
+    """Names come first, then noise, which shows what was measured; whole numbers without a unit come last."""
+    whole = bool(np.all(role.column.values == np.rint(role.column.values)))
+    return tuple(not has for has in by_name(role.column)), whole, -role.rough
