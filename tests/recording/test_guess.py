@@ -132,10 +132,11 @@ def test_a_position_that_is_called_a_target_is_the_reference(tmp_path: Path) -> 
     made = damage.motion()
     target = np.roll(made["position"], -120)
     columns = {"t": made["time"], "r": target, "s": target, "x": made["position"], "i": made["current"]}
-    guessed = taken(
-        guess(written(tmp_path, columns, "time,target-position,position-demand,actual-position,current"), UNKNOWN)
-    )
-    assert guessed == {"time": "1:s", "position": "4:rad", "reference": "2:rad", "current": "5:A"}
+    path = written(tmp_path, columns, "time,target-position,position-demand,actual-position,current")
+    assert taken(guess(path, UNKNOWN)) == {"time": "1:s", "position": "4:rad", "reference": "2:rad", "current": "5:A"}
+    ((recording, guessed),) = import_log(path, None, {"position": "4:mm"}, UNKNOWN, unsure=False)
+    np.testing.assert_allclose(recording.column("reference"), 1e-3 * target, atol=1e-12)
+    assert guessed is not None and taken(guessed)["reference"] == "2:mm"
 
 
 def test_a_sign_that_little_shows_is_kept_and_asked_for(tmp_path: Path) -> None:

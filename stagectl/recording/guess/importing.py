@@ -80,7 +80,7 @@ def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: K
         taken = taken._replace(scales=stated, notes=())
     else:
         taken = taken._replace(scales=_of_kind(taken.scales, words, path))
-    taken = taken._replace(columns=tuple(part for part in taken.columns if part.quantity not in words))
+    taken = taken._replace(columns=tuple(_beside(part, words) for part in taken.columns if part.quantity not in words))
     _check_known(path, taken, stated)
     if taken.columns and taken.sure < constants.LEAST_SURE and not unsure:
         raise _not_sure(path, taken)
@@ -88,6 +88,15 @@ def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: K
     recording.meta["notes"] = [*map(line, taken.columns), *taken.notes, *recording.meta["notes"]]
     recording.meta.setdefault("nominal", _nominal(path.stem, taken.scales))
     return Imported(recording, taken)
+
+
+def _beside(part: GuessedColumn, words: Mapping[str, str]) -> GuessedColumn:
+    """A guessed column beside those that the user names: a reference is in the unit of a named position."""
+    unit = next((choice.unit for choice in choices(words) if choice.quantity == "position"), "")
+    if part.quantity != "reference" or not unit:
+        return part
+    why = f"{part.why.partition(';')[0]}; it is in the unit of the position"
+    return part._replace(unit=unit, sure=max(part.sure, constants.SURE_BY_MAGNITUDE), why=why)
 
 
 def _check_known(path: Path, taken: Guess, stated: Scales | None) -> None:
