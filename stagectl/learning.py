@@ -9,7 +9,7 @@ trials are averaged, which moves no fixed point.  A trial whose error grows is u
 
 L is the inverse of the response from an injected current to the measured position.  It has two parts.  C e is the
 response of the feedback to the error, computed by the law's own kernel, whichever law it is.  1/P, of the sampled plant
-with its current loop and all delays, is not causal and is applied with Q by the FFT.  Q is a
+with its current loop and all delays (`design.plant`), is not causal and is applied with Q by the FFT.  Q is a
 Butterworth low-pass run forwards and backwards: no phase, half the amplitude at the cutoff.
 
 On a plant P that is not the model the error of each frequency shrinks from trial to trial while
@@ -31,6 +31,7 @@ import numpy as np
 import scipy  # its parts load when they are used: reading a stage file needs none
 from numpy.typing import NDArray
 
+from stagectl import design
 from stagectl.kernels import law, observer, stage
 from stagectl.units import Quantity
 
@@ -99,7 +100,8 @@ def filters(p: stage.Stage, running: law.Law, settings: LearningSettings, dt: fl
     frequency: Array = np.fft.rfftfreq(room, dt).astype(np.float64)
     passed = _passed(sections, frequency, dt)
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.where(passed > 1e-12, passed / _plant(p, frequency, dt), 0.0)
+        response = design.plant(p, dt).at(np.exp(2j * np.pi * frequency * dt))
+        inverse = np.where(passed > 1e-12, passed / response, 0.0)
     inverse[0] = 0.0  # 1/P of a position: no current is needed to stand
     return Filters(_feedback_alone(running), sections, inverse, _weight(count, dt))
 
@@ -126,22 +128,6 @@ def _weight(count: int, dt: float) -> Array:
     return weight
 
 
-def _plant(p: stage.Stage, frequency: Array, dt: float, stiffness: float = 0.0) -> NDArray[Any]:
-    """Command to measured position at `frequency` (Hz): held, with the current loop, nd + nm periods late.
-
-    `stiffness` (N m/rad | N/m) is that of rolling friction before it slips.
-    """
-    z = np.exp(2j * np.pi * frequency * dt)
-    body = np.array([p.mechanics.inertia, p.mechanics.viscous, stiffness])
-    if p.drive.current_lag > 0.0:
-        body = np.polymul(body, [p.drive.current_lag, 1.0])
-    numerator, denominator, _ = scipy.signal.cont2discrete((np.array([p.motor.force_constant]), body), dt)
-    late = z ** -(p.drive.delay_samples + p.encoder.delay_samples)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        response: NDArray[Any] = np.polyval(np.ravel(numerator), z) / np.polyval(denominator, z) * late
-    return response
-
-
 def feedback_current(running: law.Law, error: Array) -> Array:
     """Current (n,) of the feedback to this `error` (n,) while the axis moves: without the band of a standstill."""
     running = running._replace(standstill_band=0.0)
@@ -157,14 +143,9 @@ def whole_step(p: Filters, learned: Array, error: Array, gain: float) -> Array:
     weighted = error * p.weight
     length = 2 * (len(p.inverse) - 1)
     ahead = np.fft.irfft(p.inverse * np.fft.rfft(weighted, length), length)[: len(error)]
-    return _smoothed(p, learned + gain * feedback_current(p.law, weighted)) + gain * ahead
-
-
-def _smoothed(p: Filters, current: Array) -> Array:
-    smooth: Array = scipy.signal.sosfiltfilt(
-        p.sections, current, padtype="constant", padlen=min(len(current) - 1, PADDING)
-    )
-    return smooth
+    current, padding = learned + gain * feedback_current(p.law, weighted), min(len(learned) - 1, PADDING)
+    smooth: Array = scipy.signal.sosfiltfilt(p.sections, current, padtype="constant", padlen=padding)
+    return smooth + gain * ahead
 
 
 def initial_state(count: int) -> LearningState:
@@ -220,10 +201,10 @@ def plant_ratios(p: stage.Stage, running: law.Law, dt: float) -> PlantRatios:
     z = np.exp(2j * np.pi * frequency * dt)
     feedback = _feedback_response(_feedback_alone(running), z)
     measured, commanded = observer.transfer(running.observer, z)
-    model = feedback + 1.0 / _plant(p, frequency, dt)
+    model = feedback + 1.0 / design.plant(p, dt).at(z)
     plants = [
-        (name, model / (feedback + measured + (1.0 + commanded) / _plant(other, frequency, dt, stiffness)))
-        for name, other, stiffness in _possible_plants(p)
+        (name, model / (feedback + measured + (1.0 + commanded) / design.plant(other, dt, held).at(z)))
+        for name, other, held in _possible_plants(p)
     ]
     return PlantRatios(dt, frequency, plants)
 
@@ -247,15 +228,15 @@ def highest_convergent_cutoff(seen: PlantRatios, settings: LearningSettings) -> 
     return 0.0
 
 
-def _possible_plants(p: stage.Stage) -> list[tuple[str, stage.Stage, float]]:
-    """Plants that the axis may be: name, stage, and stiffness (N m/rad | N/m) that holds it."""
+def _possible_plants(p: stage.Stage) -> list[tuple[str, stage.Stage, bool]]:
+    """Plants that the axis may be: name, stage, and whether its rolling friction holds it."""
     body = p.mechanics
     light, heavy = (p._replace(mechanics=body._replace(inertia=share * body.inertia)) for share in INERTIA_SHARES)
     return [
-        ("the model", p, 0.0),
-        ("inertia 20 % below it", light, 0.0),
-        ("inertia 20 % above it", heavy, 0.0),
-        ("held by rolling friction", p, stage.stiffness(p.friction)),
+        ("the model", p, False),
+        ("inertia 20 % below it", light, False),
+        ("inertia 20 % above it", heavy, False),
+        ("held by rolling friction", p, True),
     ]
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.config.machine_file import load_axis, split
+from stagectl.config.machine_file import composed
 from stagectl.config.source import node_at
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout, stage
@@ -104,7 +104,8 @@ def check_open(setup: Setup, currents: NDArray[np.float64]) -> None:
     """No loop holds an axis that a current moves: the model predicts where it would go."""
     p, limits, axis = setup.stage, setup.file.limits, setup.file.axis
     # One call for the whole motion: an interrupt between thousands of compiled ones has crashed the interpreter.
-    low, high, speed = rollout.carried(p, stage.at_rest(p), table(currents), setup.dt)
+    steps = stage.steps_that_hold(p, setup.dt, 1)
+    low, high, speed = rollout.carried(p, stage.at_rest(p), table(currents), setup.dt, steps)
     scale, unit = axis.travel_per_unit, axis.travel_unit
     remedy = "lower the amplitude or raise the frequency"
     if low < limits.travel[0] or high > limits.travel[1]:
@@ -161,13 +162,14 @@ class _Written(NamedTuple):
 def _written(setup: Setup, need: _Need) -> _Written:
     key = f"limits.{need.limit}" + {1: "[1]", -1: "[0]"}.get(need.side, "")
     try:
-        node = node_at(load_axis(setup.path, lambda _, root: root, setup.text or None), key)
+        file, root = composed(setup.path, setup.text or None)
+        node = node_at(root, key)
         text = str(node.value)
         scale, value = factor(unit_in(text), need.unit), parse(text, need.unit)
     except StageError:  # a stage in memory, or a limit in the unit of the motor
         return _Written(need.unit, 1.0, 0.0)
     start = value - need.side * need.allowed if need.side else 0.0
-    return _Written(unit_in(text), scale, start, split(setup.path)[0], node.start_mark.line + 1)
+    return _Written(unit_in(text), scale, start, file, node.start_mark.line + 1)
 
 
 def _beyond(setup: Setup, need: _Need) -> Problem:

@@ -42,10 +42,8 @@ def length(value: float | None, unit: str) -> str:
     """A small length in the prefix that fits: ``12.3 nm``, ``4.97 µm``, ``0.2 mm``."""
     if value is None:
         return "not reached"
-    for scale, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ")):
-        if abs(value) >= _ROUNDS_UP * scale:
-            return f"{_three_digits(value / scale)} {prefix}{unit}"
-    return f"{_three_digits(value / 1e-9)} n{unit}"
+    letter, scale = _fitting(abs(value))
+    return f"{_three_digits(value * scale)} {letter}{unit}"
 
 
 def _three_digits(value: float) -> str:
@@ -55,10 +53,14 @@ def _three_digits(value: float) -> str:
 
 def duration(value: float) -> str:
     """A time in the prefix that fits: ``0.5 ms``, ``24.8 s``."""
-    for scale, unit in ((1.0, "s"), (1e-3, "ms")):
-        if abs(value) >= 0.1 * _ROUNDS_UP * scale or value == 0.0:
-            return f"{value / scale:.3g} {unit}"
-    return f"{value / 1e-6:.3g} µs"
+    letter, scale = _of_time(abs(value))
+    return f"{value * scale:.3g} {letter}s"
+
+
+def _of_time(size: float) -> tuple[str, float]:
+    """As `prefix`, for a time; down to tenths."""
+    fitting = (each for each in _PREFIXES[:2] if size * each[1] >= 0.1 * _ROUNDS_UP or size == 0.0)
+    return next(fitting, _PREFIXES[2])
 
 
 _NOTHING, _MORE_THAN_ALL = 0.0005, 1.005  # shares from which 0 % and 100 % would be written otherwise
@@ -83,9 +85,11 @@ def portion(share: float) -> str:
 
 def prefix(largest: float) -> tuple[str, float]:
     """The prefix in which a number of this size reads well, and how many of its units are one."""
-    if largest < _SMALL:
-        return _PREFIXES[0]
-    return next(((name, scale) for name, scale in _PREFIXES if largest * scale >= _ROUNDS_UP), _PREFIXES[-1])
+    return _PREFIXES[0] if largest < _SMALL else _fitting(largest)
+
+
+def _fitting(size: float) -> tuple[str, float]:
+    return next((each for each in _PREFIXES if size * each[1] >= _ROUNDS_UP), _PREFIXES[-1])
 
 
 def together(values: Sequence[float], unit: str, travel: Travel) -> tuple[list[str], str]:
@@ -136,6 +140,5 @@ def _unit(name: str, estimate: Estimate, travel: Travel) -> tuple[float, str]:
         unit, per = unit.replace("rad", "m", 1), travel.per_unit
     if unit not in _PREFIXED or name in _ANGLES or estimate.value == 0.0:
         return 1.0 / per, unit
-    text = duration(abs(estimate.value)) if unit == "s" else length(abs(estimate.value) * per, unit)
-    shown = text.partition(" ")[2]
-    return {"m": 1e-3, "µ": 1e-6, "n": 1e-9}.get(shown.removesuffix(unit), 1.0) / per, shown
+    letter, scale = _of_time(abs(estimate.value)) if unit == "s" else _fitting(abs(estimate.value) * per)
+    return 1.0 / (scale * per), f"{letter}{unit}"

@@ -86,7 +86,9 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, start: 
     rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if start.stops is None else start.stops, force)
     answer = _add_effects(setup, parts.motion, rows, start) if feedforward.with_effects else model_effects.Answer()
     _experiment(setup, parts, rows)
-    return Plan(rows, parts.steady, parts.duration, _excitation(parts), *answer)
+    spans, begins = parts.current.spans if parts.current is not None else (), parts.start
+    excitation = tuple(span._replace(start=span.start + begins, end=span.end + begins) for span in spans)
+    return Plan(rows, parts.steady, parts.duration, excitation, *answer)
 
 
 def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | None) -> NDArray[np.float64]:
@@ -123,10 +125,14 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
 
 def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:
     """Friction (n,) N m | N to compensate that is not of stop operators; None where there is none."""
-    if not isinstance(setup.file.compensation, Model):
-        return _compensation(setup, motion, len(seen.reference))
+    compensation, dt = setup.file.compensation, setup.dt
+    if not isinstance(compensation, Model):  # the form that the stage file chose, at t + L + Ts/2
+        t: Array = dt * np.arange(len(seen.reference), dtype=np.float64) + (command_delay(setup) + 0.5 * dt)
+        place, speed = _at(setup, motion, t).T
+        force: Array = compensation.along(legs(place, speed, dt))
+        return force
     bristle = setup.stage.friction.bristle
-    return bristle_force(bristle, seen, setup.dt) if bristle.coulomb > 0.0 else None
+    return bristle_force(bristle, seen, dt) if bristle.coulomb > 0.0 else None
 
 
 def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
@@ -142,14 +148,6 @@ def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
         check_open(setup, rows[:, SETPOINT_COLUMNS["injection"]])
 
 
-def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
-    """Friction (n,) N m | N along the reference by the form that the stage file chose, at t + L + Ts/2."""
-    t: Array = setup.dt * np.arange(count, dtype=np.float64) + (command_delay(setup) + 0.5 * setup.dt)
-    place, speed = _at(setup, motion, t).T
-    force: Array = setup.file.compensation.along(legs(place, speed, setup.dt))
-    return force
-
-
 def bristle_force(p: Bristle, seen: Foreseen, dt: float) -> Array:
     """Friction (n,) N m | N of a bristle along the reference, from rest."""
     place = np.concatenate([seen.reference[:1], seen.friction])
@@ -159,16 +157,10 @@ def bristle_force(p: Bristle, seen: Foreseen, dt: float) -> Array:
     return force
 
 
-def _excitation(parts: Phases) -> tuple[Span, ...]:
-    spans = parts.current.spans if parts.current is not None else ()
-    return tuple(span._replace(start=span.start + parts.start, end=span.end + parts.start) for span in spans)
-
-
-def foresee(setup: Setup, trajectory: Trajectory, duration: float | None = None) -> Foreseen:
-    """The trajectory at the instants that the feedforward needs, by the delay rule; `duration` (s) if not its own."""
+def foresee(setup: Setup, trajectory: Trajectory, duration: float) -> Foreseen:
+    """The trajectory over `duration` (s), at the instants that the feedforward needs, by the delay rule."""
     dt, lead = setup.dt, command_delay(setup)
-    whole = trajectory.duration if duration is None else duration
-    t: Array = dt * np.arange(2 * math.ceil((whole + SETTLE) / (2.0 * dt)) + 2, dtype=np.float64)
+    t: Array = dt * np.arange(2 * math.ceil((duration + SETTLE) / (2.0 * dt)) + 2, dtype=np.float64)
     late = _at(setup, trajectory, t - setup.stage.encoder.delay_samples * dt)
     friction = _at(setup, trajectory, t[:-2] + (lead + 0.5 * dt))
     return Foreseen(_at(setup, trajectory, t[:-2])[:, 0], _at(setup, trajectory, t + lead), late, friction[:, 0])

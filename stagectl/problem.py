@@ -128,21 +128,11 @@ class Problem(NamedTuple):
     admissible: str = ""  # the interval in the unit that was typed, where that is another
 
     def __str__(self) -> str:
-        return "; ".join(filter(None, (self._beginning(), *self._demands()))) + self._end()
-
-    def _beginning(self) -> str:
-        """Entry, value and reason."""
-        if not self.value or not self.key:
-            return f"{self.key} {self.reason}".strip()
-        return f"{self.key} = {self.value}" + (f"; {self.reason}" if self.reason else "")
-
-    def _demands(self) -> tuple[str, str]:
-        """What is admissible."""
+        stated = (f"{self.key} = {self.value}", self.reason)
+        begins = stated if self.key and self.value else (f"{self.key} {self.reason}".strip(),)
         lies = self.admissible or f"{self.interval} {self.unit}".rstrip()
         interval = f"must lie in {lies}" if self.interval else ""
-        return interval, f"must be one of {', '.join(self.choices)}" if self.choices else ""
-
-    def _end(self) -> str:
-        """Next step and place."""
+        choices = f"must be one of {', '.join(self.choices)}" if self.choices else ""
+        remedy = f": {self.remedy}" if self.remedy else ""
         place = f" ({self.file}:{self.line})" if self.file and self.line else ""
-        return (f": {self.remedy}" if self.remedy else "") + place
+        return "; ".join(filter(None, (*begins, interval, choices))) + remedy + place

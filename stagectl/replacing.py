@@ -29,7 +29,11 @@ def check_replaceable(
     """Raises StageError where a file stands there that is none of ours: without the `mark` in its beginning.
 
     `mark` may be a function that knows; an empty one refuses any file.  `why` says what a file without it is not.
+    A `PAGE` must have the name of one, too: what is written there would be taken for something else.
     """
+    if mark == PAGE and path.suffix.lower() not in (".html", ".htm"):
+        reason, remedy = f"{path}: a page ends in .html", f"take {path.with_suffix('.html')}"
+        raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy))
     if not path.is_file():  # what else may stand there, the system refuses
         return
     if not (mark and (not path.stat().st_size or (mark(path) if callable(mark) else _begins(path, mark)))):
@@ -44,8 +48,8 @@ def _begins(path: Path, mark: str) -> bool:
 def check_ending(path: Path, ending: str, what: str) -> None:
     """Raises StageError where a result under this name would be taken for something else."""
     if path.suffix != ending:
-        reason, remedy = f"{path} is no name of {what}: it must end in {ending}", f"take {path.with_suffix(ending)}"
-        raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy, file=path))
+        reason = f"is no name of {what}: it must end in {ending}"
+        raise _refused(path, reason, f"take {path.with_suffix(ending)}")
 
 
 def not_taken(path: Path, others: Collection[Path] = ()) -> Path:
@@ -58,15 +62,13 @@ def check_is_file(path: Path) -> None:
     """Raises StageError where a folder, a device or a pipe stands where a file is to be written."""
     if path.exists() and not path.is_file():
         what = "is a folder" if path.is_dir() else "is no ordinary file"
-        reason = f"{path} {what} and is left as it is"
-        raise StageError(Problem(reason, ProblemKind.FILE, remedy="name a file", file=path))
+        raise _refused(path, f"{what} and is left as it is", "name a file")
 
 
 def check_is_folder(path: Path) -> None:
     """Raises StageError where a file stands where a folder is to be written."""
     if path.exists() and not path.is_dir():
-        remedy = "name a folder, or move the file away"
-        raise StageError(Problem(f"{path} is a file and no folder", ProblemKind.FILE, remedy=remedy, file=path))
+        raise _refused(path, "is a file and no folder", "name a folder, or move the file away")
 
 
 def check_folder_to_be(path: Path) -> None:
@@ -74,21 +76,19 @@ def check_folder_to_be(path: Path) -> None:
     check_is_folder(path)
     there = next(place for place in (path.absolute(), *path.absolute().parents) if place.exists())
     if not there.is_dir():
-        why = f"{there} is a file where a folder is needed"
-    elif not os.access(there, os.W_OK | os.X_OK):
-        why = f"you may not write into {there}"
-    else:
-        return
-    remedy = "name another folder"
-    raise StageError(Problem(f"{path} cannot be written: {why}", ProblemKind.FILE, remedy=remedy, file=path))
+        raise _refused(path, f"cannot be written: {there} is a file where a folder is needed", "name another folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise _refused(path, f"cannot be written: you may not write into {there}", "name another folder")
 
 
 def left_as_it_is(path: Path, why: str) -> StageError:
     """The error for a file that is not replaced, and `why`."""
     remedy = "name another file, or move this one away"
-    return StageError(
-        Problem(f"{path} exists, {why}, and is left as it is", ProblemKind.CONFLICT, remedy=remedy, file=path)
-    )
+    return _refused(path, f"exists, {why}, and is left as it is", remedy, ProblemKind.CONFLICT)
+
+
+def _refused(path: Path, why: str, remedy: str, kind: ProblemKind = ProblemKind.FILE) -> StageError:
+    return StageError(Problem(f"{path} {why}", kind, remedy=remedy, file=path))
 
 
 @contextlib.contextmanager
@@ -136,7 +136,14 @@ def json_text(result: dict[str, Any]) -> str:
     return json.dumps({**WRITTEN_BY, **result}, indent=2, allow_nan=False) + "\n"
 
 
+def write_json(path: Path, result: dict[str, Any]) -> None:
+    """Write a result where no file, or JSON of ours, stands.  Raises StageError where another file does."""
+    check_replaceable(path, JSON)
+    write_text(path, json_text(result))
+
+
 def write_text(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all."""
+    """Write a text file, whole or not at all, in a folder that exists afterwards."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as fresh:
         fresh.write_text(text, encoding="utf-8")

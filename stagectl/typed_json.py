@@ -40,8 +40,7 @@ def encoded(value: Any, hint: Any) -> Any:
         return None
     if _is_record(hint):
         return {name: encoded(part, kind) for (name, kind), part in zip(_fields(hint).items(), value, strict=True)}
-    if get_origin(hint) is dict or _is_pairs(hint):
-        kind = get_args(hint)[1] if get_origin(hint) is dict else get_args(get_args(hint)[0])[1]
+    if (kind := _named_values(hint)) is not None:
         return {name: encoded(part, kind) for name, part in dict(value).items()}
     if get_origin(hint) is tuple:
         return [encoded(part, kind) for part, kind in zip(value, _kinds(hint, len(value)), strict=True)]
@@ -57,11 +56,9 @@ def decoded(data: Any, hint: Any, place: str = "") -> Any:
         return None
     if _is_record(hint):
         return _record(data, hint, place)
-    if get_origin(hint) is dict or _is_pairs(hint):
-        pairs = get_origin(hint) is tuple
-        kind = get_args(get_args(hint)[0])[1] if pairs else get_args(hint)[1]
+    if (kind := _named_values(hint)) is not None:
         entries = {name: decoded(part, kind, below(place, name)) for name, part in _as(dict, data, place).items()}
-        return tuple(entries.items()) if pairs else entries
+        return tuple(entries.items()) if get_origin(hint) is tuple else entries
     if get_origin(hint) is tuple:
         parts = _as(list, data, place)
         kinds = enumerate(zip(parts, _kinds(hint, len(parts)), strict=True))
@@ -85,11 +82,13 @@ def _is_record(hint: Any) -> bool:
     return isinstance(hint, type) and hasattr(hint, "_field_defaults")
 
 
-def _is_pairs(hint: Any) -> bool:
-    """Whether `hint` is a tuple of names with values."""
+def _named_values(hint: Any) -> Any:
+    """The type of the values in a dict, or in a tuple of names with values; None of anything else."""
     args = get_args(hint)
+    if get_origin(hint) is dict:
+        return args[1]
     pair = get_args(args[0]) if get_origin(hint) is tuple and len(args) == 2 and args[1] is Ellipsis else ()
-    return len(pair) == 2 and pair[0] is str and pair[1] is not Ellipsis
+    return pair[1] if len(pair) == 2 and pair[0] is str and pair[1] is not Ellipsis else None
 
 
 def _kinds(hint: Any, count: int) -> list[Any]:

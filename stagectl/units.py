@@ -57,15 +57,13 @@ class Quantity(NamedTuple):
 
     def unit_for(self, axis: str) -> str:
         """SI unit on a rotary or linear axis; an empty string for a pure number."""
-        parts = [part.strip() for part in self.unit.split("|")]
-        return parts[-1] if axis == LINEAR else parts[0]
+        return unit_on(axis, self.unit)
 
     def admits(self, value: float) -> bool:
         """Whether `value` (SI) lies in the interval; NaN never does."""
         low, high = self.bounds()
-        above = value > low if self.interval[0] == "(" else value >= low
-        below = value < high if self.interval[-1] == ")" else value <= high
-        return above and below
+        at_end = (value == low and self.interval[0] == "[") or (value == high and self.interval[-1] == "]")
+        return low < value < high or at_end
 
     def interval_in(self, unit: str, scale: float = 0.0) -> str:
         """The interval in `unit`, whose `scale` a lead may decide: ``[0, 1.5]`` rad is ``[0, 85.9] deg``."""
@@ -76,6 +74,12 @@ class Quantity(NamedTuple):
         """Both ends of the interval (SI)."""
         low, high = self.interval[1:-1].split(",")
         return float(low), float(high)
+
+
+def unit_on(axis: str, unit: str) -> str:
+    """Of a unit that names both, ``rad | m``, that on a rotary or linear axis."""
+    parts = [part.strip() for part in unit.split("|")]
+    return parts[-1] if axis == LINEAR else parts[0]
 
 
 def quantity_of(hint: Any) -> Quantity | None:
@@ -228,10 +232,8 @@ def _unknown(unit: str, name: str, to: str) -> str:
 
 
 def _measures(unit: str, to: str) -> bool:
-    with contextlib.suppress(UnitError, _UnknownUnitError):
-        ratio = Counter(_powers(unit))
-        ratio.subtract(_powers(to))
-        return not any(_expanded(ratio)[1].values())
+    with contextlib.suppress(UnitError):
+        return in_base_units(unit)[1] == in_base_units(to)[1]
     return False
 
 
@@ -249,19 +251,15 @@ def _stranger(text: str) -> str:
 
 def _product(scales: Iterable[tuple[float, int]]) -> float:
     """Powers of equal scales are added first: ``mm/mm`` is 1 exactly."""
-    above: Counter[float] = Counter()
-    below: Counter[float] = Counter()
+    above, below = Counter[float](), Counter[float]()
     for scale, exponent in scales:
         (above if exponent > 0 else below)[scale] += exponent
-    value = 1.0
+    powers = [(scale, max(above[scale] + below[scale], 0)) for scale in above]
+    powers += [(scale, min(above[scale] + below[scale], 0)) for scale in below]
     try:
-        for scale in above:
-            value *= scale ** max(above[scale] + below[scale], 0)
-        for scale in below:
-            value *= scale ** min(above[scale] + below[scale], 0)
+        return math.prod((scale**power for scale, power in powers), start=1.0)
     except OverflowError:
         return math.inf
-    return value
 
 
 def unit_in(text: str) -> str:

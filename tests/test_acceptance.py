@@ -203,7 +203,7 @@ def test_an_axis_that_falls_is_not_tried_in_open_loop(ball_screw: Setup, tmp_pat
 
 
 def _acceptance(*steps: Outcome) -> Acceptance:
-    results = tuple(StepResult(f"s{n}", "t", outcome, "w", 1e-3, 2e-3) for n, outcome in enumerate(steps))
+    results = tuple(StepResult(f"s{n}", "t", outcome, "w", {}, 1e-3, 2e-3) for n, outcome in enumerate(steps))
     return Acceptance("x", "x.yaml", "1", "2", "p", "now", False, "m", {"vendor": "3"}, {"python": "4"}, results)
 
 

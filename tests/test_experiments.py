@@ -125,6 +125,13 @@ def test_no_current_moves_the_axis_beyond_its_limits(ball_screw: Setup) -> None:
     assert caught.value.needed > caught.value.allowed > 0.0
 
 
+def test_a_long_period_moves_no_axis_that_sticks(ball_screw: Setup) -> None:
+    """A current that friction holds, at 100 Hz: in one step a period the model moved by 150 um."""
+    limits = ball_screw.file.limits._replace(travel=(-1e-2, 1e-2), speed=0.3)  # rad, 19 um, and rad/s, 0.6 mm/s
+    slow = ball_screw.having(control=design.Control(0.01, 1.0), limits=limits)
+    assert planned(slow, CurrentSine(0.8 / 0.72, 1.6, 4.0)).setpoints[:, COLUMN["injection"]].max() > 1.1
+
+
 def test_yaml_round(tmp_path: Path, ball_screw: Setup) -> None:
     path = tmp_path / "e.yaml"
     path.write_text(

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from stagectl_studies.commands import gap_exam, reproduce
 
-from stagectl.cli import comparison, gap_diagnose, identification, records, service, tuning
+from stagectl.cli import comparison, gap_diagnose, identification, records, service
 from stagectl.cli import motion as motions
 from stagectl.cli.show import page_path
 from stagectl.config.stage_file import Setup
@@ -85,7 +85,7 @@ def test_what_is_missing_is_named(extra: str, without: Any) -> None:
             "report",
             {"method": "simultaneous", "stage": STAGE, "captures": [SINE], "report": SINE},
         ),
-        (tuning.tune, "report", {"stage": STAGE, "report": Path("page.html")}),
+        (identification.tune, "report", {"stage": STAGE, "report": Path("page.html")}),
     ],
 )
 def test_a_verb_says_what_it_needs_before_it_begins(

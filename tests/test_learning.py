@@ -77,6 +77,19 @@ def test_an_unknown_current_is_learned_whatever_the_law(ball_screw: Setup, name:
     assert all(trial.words == "" and trial.step == 1.0 for trial in course.trials)
 
 
+def test_a_dead_time_is_a_delay_that_learning_knows(ball_screw: Setup) -> None:
+    """After 1.2 ms of dead time a trial leaves a fifth of a current at 60 Hz, too; 0.56 where it is not known."""
+    setup = linear(ball_screw, design.Control(5e-4, 15.0, 0.1, ("ptc",)))
+    setup = setup._replace(stage=setup.stage._replace(drive=setup.stage.drive._replace(dead_time=1.2e-3)))
+    running, what = laid_out(setup)
+    what, unknown = disturbed(what, setup.dt, 60.0)
+    filters = learning.filters(setup.stage, running, SETTINGS, setup.dt, len(unknown))
+    clean, first = (tried(setup, running, one, np.zeros(len(unknown))) for one in (laid_out(setup)[1], what))
+    learned = learning.whole_step(filters, np.zeros(len(unknown)), first - clean, SETTINGS.gain)
+    left = np.linalg.norm(tried(setup, running, what, learned) - clean) / np.linalg.norm(first - clean)
+    assert float(left) == pytest.approx(0.21, abs=0.02)
+
+
 @pytest.mark.parametrize("frequency", [15.0, 60.0, 150.0])
 def test_a_trial_leaves_what_convergence_says(ball_screw: Setup, frequency: float) -> None:
     """|Q (1 - gain S/S^)| of an axis a fifth heavier than its model, at three frequencies, seen in simulation."""
@@ -96,6 +109,22 @@ def test_a_trial_leaves_what_convergence_says(ball_screw: Setup, frequency: floa
     # The first trial learns from nothing: e2 = (1 - gain Q S/S^) e1, of which the condition is the part that Q passes.
     expected = abs(1.0 - 0.8 * q * np.interp(frequency, seen.frequency, share))
     assert float(np.linalg.norm(second) / np.linalg.norm(first)) == pytest.approx(expected, abs=0.03)
+
+
+def test_a_dead_time_is_in_the_model(ball_screw: Setup) -> None:
+    """A trial on the model itself leaves 1 - gain Q, whatever the dead time: it is no error of the model."""
+    setup = linear(ball_screw, LAWS["pid"])
+    drive = setup.stage.drive._replace(dead_time=0.9 * setup.dt)
+    setup = setup._replace(stage=setup.stage._replace(drive=drive))
+    running, what = laid_out(setup)
+    what, unknown = disturbed(what, setup.dt, 100.0)
+    clean = tried(setup, running, laid_out(setup)[1], np.zeros(len(unknown)))
+    filters = learning.filters(setup.stage, running, SETTINGS, setup.dt, len(unknown))
+    first = tried(setup, running, what, np.zeros(len(unknown))) - clean
+    learned = learning.whole_step(filters, np.zeros(len(unknown)), first, SETTINGS.gain)
+    second = tried(setup, running, what, learned) - clean
+    q = 1.0 / (1.0 + (math.tan(math.pi * 100.0 * setup.dt) / math.tan(math.pi * 200.0 * setup.dt)) ** 4)
+    assert float(np.linalg.norm(second) / np.linalg.norm(first)) == pytest.approx(1.0 - 0.8 * q, abs=0.03)
 
 
 def test_convergence_against_the_designs_own_transfer_functions(ball_screw: Setup) -> None:

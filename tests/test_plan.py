@@ -40,7 +40,7 @@ def test_the_delay_of_the_command_path(ball_screw: Setup) -> None:
 @pytest.mark.parametrize(("nd", "nm"), [(0, 0), (1, 0), (2, 1)])
 def test_everything_is_foreseen_at_its_own_instant(ball_screw: Setup, nd: int, nm: int) -> None:
     dt, ahead = 5e-4, 0.159e-3 + nd * 5e-4
-    seen = foresee(varied(ball_screw, nd=nd, nm=nm), SINE)
+    seen = foresee(varied(ball_screw, nd=nd, nm=nm), SINE, SINE.duration)
     t = dt * np.arange(len(seen.late))
     frame, late = (np.stack(SINE.at(instant)[:2], axis=1) for instant in (t + ahead, t - nm * dt))
     now, middle = SINE.at(t[:-2]).position, SINE.at(t[:-2] + ahead + 0.5 * dt).position
@@ -62,7 +62,9 @@ def test_whole_frames_and_a_standstill_at_the_end(ball_screw: Setup) -> None:
 def test_a_linear_axis_needs_no_lead(ball_screw: Setup) -> None:
     axis = ball_screw.file.axis._replace(kind="linear", lead=0.0)
     linear = ball_screw.having(axis=axis)
-    for metres, angles in zip(foresee(linear, SINE), foresee(ball_screw, SINE), strict=True):
+    for metres, angles in zip(
+        foresee(linear, SINE, SINE.duration), foresee(ball_screw, SINE, SINE.duration), strict=True
+    ):
         np.testing.assert_allclose(metres * PER_METRE, angles, rtol=1e-12, atol=1e-12)
 
 

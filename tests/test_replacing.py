@@ -39,7 +39,7 @@ def recording(tmp_path: Path, command: Command) -> Path:
 
 @pytest.mark.parametrize("mark", [JSON, PAGE])
 def test_another_kind_of_file_is_left(tmp_path: Path, mark: str) -> None:
-    path = tmp_path / "there"
+    path = tmp_path / "there.html"
     check_replaceable(path, mark)
     for content in ("", f"<!doctype html>\n{mark}"):
         path.write_text(content)
@@ -47,6 +47,17 @@ def test_another_kind_of_file_is_left(tmp_path: Path, mark: str) -> None:
     path.write_text(BY_HAND)
     with refused(StageError, kind=ProblemKind.CONFLICT, file=path):
         check_replaceable(path, mark)
+
+
+def test_a_self_test_refuses_its_page_before_it_takes_its_minutes(
+    tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stagectl.selftest.matrix.run", lambda *_: pytest.fail("it has begun"))
+    page = tmp_path / "mine.html"
+    page.write_text(BY_HAND)
+    code, _, error = command("selftest", CONFIG / "ball-screw.yaml", "--report", page)
+    assert code == 2 and f"{page} exists" in error
+    assert page.read_text() == BY_HAND
 
 
 def test_the_export_of_another_stage_is_said_to_be_that(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_the_status_loads_its_own_verbs(tmp_path: Path) -> None:
     assert code == 2  # no service
     assert "typer" in modules
     assert _heavy(modules) <= {"typer", "pydantic", "rich"}  # typer's own, and rich for the red of an error
-    assert {name for name in VERBS if f"stagectl.cli.{name}" in modules} == {"motion", "service"}  # they share options
+    assert {name for name in VERBS if f"stagectl.cli.{name}" in modules} == {"service"}
 
 
 def _simulated(folder: Path, name: str, **environment: str) -> tuple[set[str], Any, bytes]:

@@ -214,8 +214,7 @@ def _compared(p: Commissioning, step: str, variants: tuple[str, ...]) -> Done:
     """The tracking error with more and more layers, on a motion that nothing is fitted to."""
     motion = unseen(p.stage.setup)[0]
     place = p.folder(step) / f"{motion.name}.yaml"
-    place.parent.mkdir(parents=True, exist_ok=True)
-    place.write_text(yaml_of(motion), encoding="utf-8")
+    write_text(place, yaml_of(motion))
     result = compare(p.stage, place, *variants, **p.where, repeats=REPEATS, seed=p.seed, folder=place.parent)
     page = p.page(step, result)
     peaks = {row["name"]: row["peak"]["mean"] for row in result.result["variants"]}

@@ -17,7 +17,6 @@ from stagectl.api.record import MotionRecord
 from stagectl.api.stage import DesignedStage, load_stage
 from stagectl.config.wire_checks import OWN
 from stagectl.number_format import length
-from stagectl.recording.metadata import versions
 from stagectl.report.page import Page, Picture, Table, write
 from stagectl.units import StageError
 from stagectl.workflows.motion import check_not_interrupted, drive_present
@@ -84,7 +83,6 @@ def _page(pairs: list[Pair], output: Path) -> Page:
         ],
         [Table("Tracking error", _HEAD, [_row(*pair) for pair in pairs])],
         ["make run", *(f".venv/bin/stagectl replay {pair[1].path}" for pair in pairs)],
-        versions(),
         narrow=True,
     )
 

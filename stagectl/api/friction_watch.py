@@ -50,7 +50,8 @@ def watch_friction(
             before = keeper.scale
             verdict = _seen(keeper, designed, _recorded(watched, every, Path(folder)))
             if verdict.scale != before:
-                _compensate(watched, verdict.scale)
+                body = {"control": {"friction_scale": f"{verdict.scale:.6g}"}, "axis": axis}
+                ask(watched.socket, "PATCH", "/v1/parameters", body)
             yield verdict
             if verdict.ended:
                 return
@@ -72,11 +73,6 @@ def _parameters(watched: Watched) -> dict[str, float]:
     if watched.axis and watched.axis not in axes:
         raise StageError(f"no axis {watched.axis}; the axes are: {', '.join(axes)}")
     return axes[watched.axis or next(iter(axes))]
-
-
-def _compensate(watched: Watched, scale: float) -> None:
-    body = {"control": {"friction_scale": f"{scale:.6g}"}, "axis": watched.axis}
-    ask(watched.socket, "PATCH", "/v1/parameters", body)
 
 
 def _recorded(watched: Watched, seconds: float, folder: Path) -> MotionRecord:

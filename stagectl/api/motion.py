@@ -14,7 +14,7 @@ from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
 from stagectl.recording.hdf5 import open_recording
 from stagectl.simulation import FrictionLaw
-from stagectl.trajectories.top_speed import unreached
+from stagectl.trajectories.profiles import unreached
 from stagectl.workflows import motion as workflow
 from stagectl.workflows import simulated_motion
 
@@ -132,7 +132,7 @@ def _seen(motion: Motion, say: Say) -> dict[str, Any]:
     """What the twin saw, where there was one."""
     if motion.companion is None:
         return {}
-    from stagectl.twin.start import live_file, load_snapshot
+    from stagectl.twin.record import live_file, load_snapshot
 
     path = live_file(motion.recording)
     if not path.exists():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -151,9 +151,6 @@ class RecordFolder(Sequence[MotionRecord], PrintedResult):
 
     def __len__(self) -> int:
         return len(self.records)
-
-    def __iter__(self) -> Iterator[MotionRecord]:
-        return iter(self.records)
 
     def sheet(self) -> Sheet:
         """One record a row."""

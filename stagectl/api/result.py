@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from stagectl.api.arguments import ArgumentError, PathLike
 from stagectl.api.checked import checked
 from stagectl.extras import require
-from stagectl.replacing import JSON, check_replaceable, json_text, write_text
+from stagectl.replacing import write_json
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -97,14 +97,12 @@ class ReportedResult(PrintedResult):
         target = Path(path)
         if target.suffix not in (".json", ".html"):
             raise ArgumentError("path", target, "; must end in .json or .html")
-        target.parent.mkdir(parents=True, exist_ok=True)
         if target.suffix == ".html":
             require("report", "the page")
             from stagectl.report.page import write
 
             return write(self.page(), target)
-        check_replaceable(target, JSON)
-        write_text(target, json_text(self.to_json()))
+        write_json(target, self.to_json())
         return target
 
 

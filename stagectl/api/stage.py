@@ -15,12 +15,11 @@ from stagectl.api.checked import checked
 from stagectl.api.result import PrintedResult, Sheet, gains_frame
 from stagectl.compensation.forms import name_of
 from stagectl.config import stage_file
-from stagectl.config.axis_patch import axis_reference
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import split, text_of
-from stagectl.config.patch import Change, check_values, in_its_file, patched, replace_file
-from stagectl.config.plausibility import doubtful
+from stagectl.config.patch import Change, axis_reference, check_values, in_its_file, patched, replace_file
 from stagectl.config.source import ConfigError
+from stagectl.config.stage_checks import doubtful
 from stagectl.extras import require
 from stagectl.problem import Problem, ProblemKind
 from stagectl.replacing import left_as_it_is

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -49,10 +48,6 @@ class TunedGains(ReportedResult):
 
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values, SI."""
-        return self._json
-
-    @cached_property
-    def _json(self) -> dict[str, Any]:
         return sheet.result(self.stage.setup, self.tuned)
 
     def to_frame(self) -> Any:

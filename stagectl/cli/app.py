@@ -21,8 +21,8 @@ from typer.core import TyperGroup
 
 from stagectl.api.arguments import ArgumentError
 from stagectl.cli import INTERRUPTED
-from stagectl.cli.streams import Verb, keep_closed
-from stagectl.cli.usage import usage_error
+from stagectl.cli.options import option
+from stagectl.cli.streams import Verb, keep_closed, usage_error
 from stagectl.problem import ProblemKind, remedy_of
 from stagectl.service.shutdown_signals import interrupting
 from stagectl.units import StageError
@@ -31,9 +31,8 @@ from stagectl.units import StageError
 VERBS = {
     "motion": ("run", "simulate", "virtual-drive", "demo"),
     "records": ("report", "replay", "export", "import"),
-    "identification": ("identify",),
-    "comparison": ("learn", "compare"),
-    "tuning": ("tune",),
+    "identification": ("identify", "tune"),
+    "comparison": ("learn", "compare", "effects"),
     "studies": ("reproduce",),
     "service": (
         "serve",
@@ -48,7 +47,6 @@ VERBS = {
         "parameters",
         "fault",
     ),
-    "effects": ("effects",),
     "scope": ("scope",),
     "record": ("record",),
     "installation": ("doctor", "service"),
@@ -66,7 +64,7 @@ PANELS = {
     "Recordings": ("report", "replay", "export", "import"),
     "Identify": ("identify",),
     "Diagnose": ("gap",),
-    "Service": (*VERBS["service"], *VERBS["effects"], *VERBS["scope"], "record", "inject", "service", "doctor"),
+    "Service": (*VERBS["service"], "effects", *VERBS["scope"], "record", "inject", "service", "doctor"),
     "Drive": ("commission", "drive", "virtual-drive", "selftest"),
 }
 START = """\
@@ -161,7 +159,7 @@ def _version(asked: bool) -> None:
 
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+        bool, option("--version", "Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
     """Keep a single verb from becoming the whole command."""

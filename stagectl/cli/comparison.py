@@ -1,22 +1,32 @@
-"""Verbs that run one motion many times: learn, compare."""
+"""Verbs that run one motion many times: learn, compare, effects."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from stagectl.api.arguments import LAYERS, switched_off
-from stagectl.cli.motion import Channel, Json, Plant, StageArgument, TrajectoryArgument, Without, noted
-from stagectl.cli.show import console, emit, without_compiler, write_page
-from stagectl.cli.show import progress as bar
+from stagectl.cli.motion import noted
+from stagectl.cli.options import (
+    Channel,
+    Folder,
+    Json,
+    Plant,
+    Simulate,
+    Socket,
+    StageArgument,
+    TrajectoryArgument,
+    Without,
+    argument,
+    option,
+)
+from stagectl.cli.service import uploaded
+from stagectl.cli.show import console, emit, progress, without_compiler, write_page
 from stagectl.extras import require
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
-Simulate = Annotated[bool, typer.Option("--simulate", help="On the stage model, compiled, instead of the drive.")]
-Trials = Annotated[int, typer.Option(min=1, max=100, help="Number of trials to learn from.")]
+Trials = Annotated[int, option("--trials", "Number of trials to learn from.", min=1, max=100)]
 
 
 def learn(
@@ -26,9 +36,7 @@ def learn(
     simulate: Simulate = False,
     plant: Plant = None,
     without: Without = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to keep the learned current.")
-    ] = None,
+    output: Annotated[Path | None, option("--output -o FILE.h5", "Where to keep the learned current.")] = None,
     channel: Channel = None,
     json: Json = None,
 ) -> None:
@@ -51,28 +59,23 @@ def learn(
     folder = unused(f"learn-{trajectory.stem}")
     commanded = sc.load_trajectory(trajectory).bound(machine.setup)
     base = lay_out(machine.setup, commanded, switched_off(without or (), compensator), folder / "trial-1.h5")
-    result = learn_into(machine, base, trials, Shown(console.print, bar), output or folder / "learned.h5")
+    result = learn_into(machine, base, trials, Shown(console.print, progress), output or folder / "learned.h5")
     emit(result, json, not result["stopped"])
 
 
 def compare(
     stage: StageArgument,
     trajectory: TrajectoryArgument,
-    variants: Annotated[
-        list[str],
-        typer.Argument(metavar="VARIANT...", help="off, ptc, ptc+friction, ptc+table, ptc+friction+ilc ..."),
-    ],
-    repeats: Annotated[int, typer.Option(min=1, max=1000, help="Number of runs of each variant.")] = 5,
+    variants: Annotated[list[str], argument("VARIANT...", "off, ptc, ptc+friction, ptc+table, ptc+friction+ilc ...")],
+    repeats: Annotated[int, option("--repeats", "Number of runs of each variant.", min=1, max=1000)] = 5,
     simulate: Simulate = False,
     plant: Plant = None,
     learned: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE.h5", help="Learned current for ilc, instead of learning first.")
+        list[Path] | None, option("--learned FILE.h5", "Learned current for ilc, instead of learning first.")
     ] = None,
     trials: Trials = 8,
-    seed: Annotated[int, typer.Option(min=0, help="Of the order of the runs.")] = 1,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where to put recordings and page.")
-    ] = None,
+    seed: Annotated[int, option("--seed", "Of the order of the runs.", min=0)] = 1,
+    output: Annotated[Path | None, option("--output -o FOLDER", "Where to put recordings and page.")] = None,
     channel: Channel = None,
     json: Json = None,
 ) -> None:
@@ -120,3 +123,32 @@ def engine(simulate: bool) -> None:
 
     if cold():
         console.print("compiling the kernels, once for this version: up to a minute")
+
+
+def effects(
+    trajectory: TrajectoryArgument,
+    axis: Annotated[str, option("--axis NAME", "Which axis; default: the first one.")] = "",
+    repeats: Annotated[int, option("--repeats", "Number of runs of each variant.", min=2, max=1000)] = 5,
+    seed: Annotated[int, option("--seed", "Of the order of the runs.", min=0)] = 1,
+    keep: Annotated[bool, option("--keep", "Only measure; drop nothing.")] = False,
+    output: Folder = None,
+    socket: Socket = None,
+    json: Json = None,
+) -> None:
+    """Run a motion on the service with and without each effect's compensation, and drop what makes the error grow.
+
+    The runs are interleaved. A dropped effect is left to the feedback until the service ends; `control.unanswered` in
+    the stage file keeps it so.
+
+    Example: stagectl effects config/trajectories/sine-1.6hz.yaml
+    """
+    without_compiler()
+    from stagectl.web.client import ask, default_socket
+    from stagectl.workflows.effect_worth import Running, measured
+    from stagectl.workflows.motion import unused
+    from stagectl.workflows.trials import Shown
+
+    place = socket or default_socket()
+    known = list(ask(place, "GET", "/v1/effects"))
+    running = Running(place, axis or known[0], uploaded(trajectory), output or unused(f"effects-{trajectory.stem}"))
+    emit(measured(running, (repeats, seed), keep, Shown(console.print, progress)), json)

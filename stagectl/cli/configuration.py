@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json, argument
 from stagectl.cli.show import console, emit
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
@@ -20,10 +20,7 @@ config = typer.Typer(help="Check configuration files, export their JSON schema."
 
 
 @config.command()
-def check(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Stage and trajectory files.")],
-    json: Json = None,
-) -> None:
+def check(files: Annotated[list[Path], argument("FILE...", "Stage and trajectory files.")], json: Json = None) -> None:
     """Check files without moving anything: exit 0 all good, 1 something wrong, 2 a file cannot be read.
 
     Example: stagectl config check config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
@@ -90,7 +87,7 @@ def _known(path: Path) -> _Known:
 
 def _stage(path: Path) -> _Known:
     from stagectl import design
-    from stagectl.config.plausibility import doubtful
+    from stagectl.config.stage_checks import doubtful
     from stagectl.config.stage_file import load_stage
 
     setup = load_stage(path)
@@ -117,7 +114,7 @@ def _protects(file: StageFile) -> str:
 
 
 @config.command()
-def schema(what: Annotated[str, typer.Argument(help="stage or trajectory")] = "stage", json: Json = "-") -> None:
+def schema(what: Annotated[str, argument("[WHAT]", "stage or trajectory")] = "stage", json: Json = "-") -> None:
     """Print the JSON schema of a stage or trajectory file, for editors.
 
     Example: stagectl config schema trajectory

@@ -7,14 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli import drive_accept
-from stagectl.cli.motion import Channel, Json, StageArgument, amperes
+from stagectl.cli import commission
+from stagectl.cli.options import Channel, Json, StageArgument, amperes, option
 from stagectl.cli.show import console, emit, progress, without_compiler
 from stagectl.units import StageError
 
-Anyway = Annotated[
-    bool, typer.Option("--anyway", help="Read although another master controls the bus; it may disturb that one.")
-]
+Anyway = Annotated[bool, option("--anyway", "Read although another master controls the bus; it may disturb that one.")]
 drive = typer.Typer(
     help="Read a drive, propose lines for the stage file, accept it before its first motion.", no_args_is_help=True
 )
@@ -24,12 +22,9 @@ drive = typer.Typer(
 def dump(
     stage: StageArgument,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE.dcf", help="Write a DCF, which other tools can write back."),
+        Path | None, option("--output -o FILE.dcf", "Write a DCF, which other tools can write back.")
     ] = None,
-    changed: Annotated[
-        bool, typer.Option("--changed", help="Only values that differ from the factory settings.")
-    ] = False,
+    changed: Annotated[bool, option("--changed", "Only values that differ from the factory settings.")] = False,
     channel: Channel = None,
     anyway: Anyway = False,
     json: Json = None,
@@ -62,22 +57,19 @@ def dump(
     emit({"node": wire.node, "objects": [_as_json(entry) for entry in objects]}, json)
 
 
-drive.command("accept")(drive_accept.accept)
-drive.command("verify")(drive_accept.verify)
+drive.command("accept")(commission.accept)
+drive.command("verify")(commission.verify)
 
 
 @drive.command()
 def probe(
     stage: StageArgument,
     channel: Channel = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Family of the drive; default: by its vendor id."),
-    ] = None,
+    preset: Annotated[str | None, option("--preset NAME", "Family of the drive; default: by its vendor id.")] = None,
     rated: Annotated[
-        str | None, typer.Option(metavar="CURRENT", help="Rated current, e.g. '4 A', if the drive does not report it.")
+        str | None, option("--rated CURRENT", "Rated current, e.g. '4 A', if the drive does not report it.")
     ] = None,
-    write: Annotated[bool, typer.Option("--write", help="Put the proposal into the stage file.")] = False,
+    write: Annotated[bool, option("--write", "Put the proposal into the stage file.")] = False,
     anyway: Anyway = False,
     json: Json = None,
 ) -> None:

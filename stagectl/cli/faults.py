@@ -6,23 +6,22 @@ import contextlib
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from stagectl.api.arguments import quantity
-from stagectl.cli.motion import Channel, Json, StageArgument, amperes
+from stagectl.cli.options import Channel, Json, StageArgument, amperes, argument, option, replacing
 from stagectl.cli.show import console, emit, progress, typed, typed_files, without_compiler
 from stagectl.extras import require
 from stagectl.problem import Problem, ProblemKind
+from stagectl.replacing import PAGE
 from stagectl.units import Quantity, StageError
 
 
 def inject(
-    stage: Annotated[Path | None, typer.Argument(metavar="STAGE.yaml", help="The machine.")] = None,
-    fault: Annotated[str | None, typer.Argument(help="Name of the fault, see --list.")] = None,
-    parameters: Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Its parameters.")] = None,
+    stage: Annotated[Path | None, argument("STAGE.yaml", "The machine.")] = None,
+    fault: Annotated[str | None, argument("[FAULT]", "Name of the fault, see --list.")] = None,
+    parameters: Annotated[list[str] | None, argument("KEY=VALUE...", "Its parameters.")] = None,
     channel: Channel = None,
-    clear: Annotated[bool, typer.Option("--clear", help="End all faults.")] = False,
-    show: Annotated[bool, typer.Option("--list", help="Show all faults with their parameters.")] = False,
+    clear: Annotated[bool, option("--clear", "End all faults.")] = False,
+    show: Annotated[bool, option("--list", "Show all faults with their parameters.")] = False,
     json: Json = None,
 ) -> None:
     """Inject a fault into a running virtual drive.
@@ -58,13 +57,15 @@ def inject(
 def selftest(
     stage: StageArgument,
     json: Json = None,
-    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write the table as a page to sign.")] = None,
-    only: Annotated[list[str] | None, typer.Option("--only", metavar="FAULT", help="These faults only.")] = None,
-    signed: Annotated[str, typer.Option(metavar="NAME", help="Name of the person who signs.")] = "",
-    current: Annotated[
-        str | None, typer.Option(help="Test the real drive with at most this current, e.g. '2 A'. It moves!")
+    report: Annotated[
+        Path | None, option("--report FILE.html", "Write the table as a page to sign.", callback=replacing(PAGE))
     ] = None,
-    travel: Annotated[str, typer.Option(help="Distance of one move of the real drive.")] = "5 mm",
+    only: Annotated[list[str] | None, option("--only FAULT", "These faults only.")] = None,
+    signed: Annotated[str, option("--signed NAME", "Name of the person who signs.")] = "",
+    current: Annotated[
+        str | None, option("--current", "Test the real drive with at most this current, e.g. '2 A'. It moves!")
+    ] = None,
+    travel: Annotated[str, option("--travel", "Distance of one move of the real drive.")] = "5 mm",
 ) -> None:
     """Try each fault in each state, in virtual time; exit 1 if one does not end as required.
 
@@ -73,9 +74,6 @@ def selftest(
     without_compiler()
     if report is not None:
         require("report", "--report")
-        from stagectl.report.page import check_name
-
-        check_name(report)
     from stagectl.config.stage_file import load_stage
     from stagectl.config.wire import canopen
     from stagectl.selftest import matrix, remote

@@ -7,28 +7,13 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli import gap_apply, gap_diagnose, gap_next, gap_twin
-from stagectl.cli.comparison import Simulate, engine
-from stagectl.cli.motion import Channel, Json, Plant, StageArgument
-from stagectl.cli.show import console, deliver, emit
-from stagectl.cli.show import progress as bar
+from stagectl.cli import gap_apply, gap_diagnose, gap_twin
+from stagectl.cli.comparison import engine
+from stagectl.cli.options import Channel, Json, Plant, Simulate, StageArgument, option
+from stagectl.cli.show import console, deliver, emit, progress
 from stagectl.cli.studies import add
 from stagectl.extras import require
 from stagectl.named_values import names_of
-
-Folder = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the recordings; an existing one is continued."),
-]
-Repeats = Annotated[int, typer.Option(min=1, max=100, help="Repeats of each experiment; the held-out ones take two.")]
-Only = Annotated[list[str] | None, typer.Option(metavar="NAMES", help="Only these experiments, separated by commas.")]
-Skip = Annotated[
-    list[str] | None, typer.Option(metavar="NAMES", help="All but these experiments, separated by commas.")
-]
-Seed = Annotated[
-    int | None,
-    typer.Option(min=0, max=2**31 - 1, help="Seed of the noise; default: from the simulated machine's file."),
-]
 
 gap = typer.Typer(
     help="Where simulator and machine differ, what causes it, how far the gap closes.", no_args_is_help=True
@@ -36,7 +21,7 @@ gap = typer.Typer(
 for name, verb in (
     ("diagnose", gap_diagnose.diagnose),
     ("apply", gap_apply.apply),
-    ("next", gap_next.following),
+    ("next", gap_apply.following),
     ("watch", gap_twin.watch),
     ("drift", gap_twin.drift),
 ):
@@ -48,13 +33,20 @@ for name in ("knock", "fleet", "exam"):
 @gap.command()
 def record(
     stage: StageArgument,
-    output: Folder = None,
-    repeats: Repeats = 3,
-    only: Only = None,
-    skip: Skip = None,
+    output: Annotated[
+        Path | None, option("--output -o FOLDER", "Folder for the recordings; an existing one is continued.")
+    ] = None,
+    repeats: Annotated[
+        int, option("--repeats", "Repeats of each experiment; the held-out ones take two.", min=1, max=100)
+    ] = 3,
+    only: Annotated[list[str] | None, option("--only NAMES", "Only these experiments, separated by commas.")] = None,
+    skip: Annotated[list[str] | None, option("--skip NAMES", "All but these experiments, separated by commas.")] = None,
     simulate: Simulate = False,
     plant: Plant = None,
-    seed: Seed = None,
+    seed: Annotated[
+        int | None,
+        option("--seed", "Seed of the noise; default: from the simulated machine's file.", min=0, max=2**31 - 1),
+    ] = None,
     channel: Channel = None,
     json: Json = None,
 ) -> None:
@@ -79,7 +71,7 @@ def record(
     campaign = many.planned(machine, experiments, repeats, folder, chosen_seed)
     runs, took = len(campaign.runs), sum(run.experiment.duration for run in campaign.runs)
     console.print(f"{runs} runs of {len(experiments)} experiments, {took / 60.0:.1f} min of motion, to {folder}")
-    result = many.record(campaign, Shown(console.print, bar))
+    result = many.record(campaign, Shown(console.print, progress))
     if repeats == 1:
         console.print("one repeat only: chance variation cannot be separated from the gap; use --repeats 3")
     if not result["stopped"]:
@@ -91,15 +83,14 @@ def record(
 def close(
     stage: StageArgument,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Folder for all of it; an existing one is continued."),
+        Path | None, option("--output -o FOLDER", "Folder for all of it; an existing one is continued.")
     ] = None,
-    rounds: Annotated[int, typer.Option(min=1, max=10, help="At most so many rounds.")] = 3,
+    rounds: Annotated[int, option("--rounds", "At most so many rounds.", min=1, max=10)] = 3,
     simulate: Simulate = False,
     plant: Plant = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of noise and order.")] = 1,
-    write: Annotated[bool, typer.Option("--write", help="Put the model into STAGE.yaml; --back undoes it.")] = False,
-    back: Annotated[bool, typer.Option("--back", help="Only put the version of STAGE.yaml before it back.")] = False,
+    seed: Annotated[int, option("--seed", "Seed of noise and order.", min=0, max=2**31 - 1)] = 1,
+    write: Annotated[bool, option("--write", "Put the model into STAGE.yaml; --back undoes it.")] = False,
+    back: Annotated[bool, option("--back", "Only put the version of STAGE.yaml before it back.")] = False,
     channel: Channel = None,
     json: Json = None,
 ) -> None:

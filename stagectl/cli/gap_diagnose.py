@@ -5,10 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from stagectl.cli.identification import Columns
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Columns, Json, argument, option
 from stagectl.cli.show import console, emit, single_threaded_algebra, typed, typed_files
 from stagectl.extras import require
 from stagectl.named_values import pairs
@@ -18,40 +15,13 @@ from stagectl.units import StageError
 
 _EXAMPLE = "kind=rotary,force_constant=0.05,inertia=1e-4"
 
-Folder = Annotated[
-    list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
-]
-StageFile = Annotated[
-    Path | None, typer.Option("--stage", metavar="STAGE.yaml", help="The model, where the logs carry none.")
-]
-Model = Annotated[
-    str | None,
-    typer.Option(
-        "--model", metavar="VALUES", help=f"Without a stage file: {_EXAMPLE} (SI), or a MuJoCo model: FILE.xml[#JOINT]."
-    ),
-]
+Folder = Annotated[list[Path], argument("FOLDER...", "Of recordings or captures; or single logs and recordings.")]
+StageFile = Annotated[Path | None, option("--stage STAGE.yaml", "The model, where the logs carry none.")]
 Exclude = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--exclude", metavar="NAMES", help="Effects that must not be candidates, nor wider ones that hold them."
-    ),
-]
-Predictions = Annotated[
-    Path | None,
-    typer.Option("--predictions", metavar="DIR", help="A CSV for each held-out capture, from the improved simulator."),
-]
-Report = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into the folder.")
+    list[str] | None, option("--exclude NAMES", "Effects that must not be candidates, nor wider ones that hold them.")
 ]
 Full = Annotated[
-    bool,
-    typer.Option("--full", help="A null ensemble three times as large, six times the resamples: a quarter longer."),
-]
-Doubtful = Annotated[
-    bool, typer.Option("--doubtful", help="Go on with logs that fit the model only in another unit or sign.")
-]
-Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where diagnosis.json goes, else into the folder.")
+    bool, option("--full", "A null ensemble three times as large, six times the resamples: a quarter longer.")
 ]
 
 
@@ -74,9 +44,6 @@ def _values(model: str | None) -> dict[str, float | str] | str | None:
 
 def _check_places(target: Path, predictions: Path | None, page: Path) -> None:
     """Raises StageError where a result cannot be put, before the diagnosis takes its minutes."""
-    from stagectl.report.page import check_name
-
-    check_name(page)
     check_replaceable(page, PAGE)
     for place in filter(None, (target, predictions, page.parent)):
         check_folder_to_be(place)
@@ -87,13 +54,22 @@ def diagnose(
     json: Json = None,
     stage: StageFile = None,
     columns: Columns = None,
-    model: Model = None,
+    model: Annotated[
+        str | None,
+        option("--model VALUES", f"Without a stage file: {_EXAMPLE} (SI), or a MuJoCo model: FILE.xml[#JOINT]."),
+    ] = None,
     exclude: Exclude = None,
-    predictions: Predictions = None,
-    report: Report = None,
-    output: Output = None,
+    predictions: Annotated[
+        Path | None, option("--predictions DIR", "A CSV for each held-out capture, from the improved simulator.")
+    ] = None,
+    report: Annotated[Path | None, option("--report FILE.html", "Where the page goes, else into the folder.")] = None,
+    output: Annotated[
+        Path | None, option("--output -o DIR", "Where diagnosis.json goes, else into the folder.")
+    ] = None,
     full: Full = False,
-    doubtful: Doubtful = False,
+    doubtful: Annotated[
+        bool, option("--doubtful", "Go on with logs that fit the model only in another unit or sign.")
+    ] = False,
 ) -> None:
     """Say where the gap between simulator and machine lies, which effect causes it, and how far it shrinks.
 
@@ -118,7 +94,6 @@ def diagnose(
         doubtful=doubtful,
         progress=True,
     )
-    target.mkdir(parents=True, exist_ok=True)
     stored = save(answer.diagnosis, target)
     if predictions is not None:
         answer.save_predictions(predictions)

@@ -6,13 +6,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from stagectl.api.arguments import terminal
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json, argument, option
 from stagectl.cli.show import console, emit, stream
 from stagectl.number_format import NORMAL, duration
-from stagectl.units import Quantity, StageError
+from stagectl.units import StageError, unit_on
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -27,13 +25,10 @@ _STYLES = {"none": "green", "effects": "bold yellow", "controller": "bold red"}
 
 def watch(
     file: Annotated[
-        Path | None,
-        typer.Argument(metavar="[FILE.twin.json]", help="Snapshot of one run; default: the newest in recordings/."),
+        Path | None, argument("[FILE.twin.json]", "Snapshot of one run; default: the newest in recordings/.")
     ] = None,
-    once: Annotated[bool, typer.Option("--once", help="Show the present snapshot and exit.")] = False,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="One JSON line per snapshot; - for standard output.")
-    ] = None,
+    once: Annotated[bool, option("--once", "Show the present snapshot and exit.")] = False,
+    json: Annotated[str | None, option("--json FILE", "One JSON line per snapshot; - for standard output.")] = None,
 ) -> None:
     """Watch the twin of a run: residuals, drifts, and the effects that explain them.
 
@@ -41,7 +36,7 @@ def watch(
     """
     from rich.live import Live
 
-    from stagectl.twin.start import load_snapshot, newest
+    from stagectl.twin.record import load_snapshot, newest
 
     path = file or newest(Path("recordings"))
     if path is None:
@@ -59,7 +54,7 @@ def watch(
 
 def _plain(path: Path, once: bool, json: str | None) -> str:
     """Every snapshot as it comes; why there will be no more, where that is so."""
-    from stagectl.twin.start import load_snapshot
+    from stagectl.twin.record import load_snapshot
 
     last, write = 0.0, stream(json)
     while True:
@@ -85,7 +80,7 @@ def _ended(now: dict[str, Any]) -> str:
 def _table(now: dict[str, Any]) -> Group:
     from rich.console import Group
 
-    effort = Quantity("N m | N", "", "").unit_for(now["kind"])
+    effort = unit_on(now["kind"], "N m | N")
     title = f"{now['name']}: {now['time']:.1f} s of the run, last {now['covered']:.0f} s"
     cuts = _titled(title, "check", "residual", "meaning")
     residual = now["residual"]
@@ -133,8 +128,8 @@ def _number(value: float | None, unit: str) -> str:
 
 
 def drift(
-    file: Annotated[Path, typer.Argument(metavar="FILE.jsonl", help="Minute-by-minute record of `run --twin`.")],
-    axis: Annotated[str | None, typer.Option(help="Name of the axis, if the record has several.")] = None,
+    file: Annotated[Path, argument("FILE.jsonl", "Minute-by-minute record of `run --twin`.")],
+    axis: Annotated[str | None, option("--axis", "Name of the axis, if the record has several.")] = None,
     json: Json = None,
 ) -> None:
     """Report which parameter drifts over the days, how fast, and which effect explains it.

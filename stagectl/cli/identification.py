@@ -1,4 +1,4 @@
-"""The verb `identify`: parameters from captures, on the screen, as JSON, as a page, and into a stage file."""
+"""The verbs `identify` and `tune`: parameters and gains on the screen, as JSON, as a page, and into a stage file."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stagectl.api.arguments import ArgumentError, quantity
-from stagectl.cli.motion import Json, Report, StageArgument, Write
-from stagectl.cli.service import AxisName, Socket
-from stagectl.cli.show import console, deliver, message_event, page_path, patch, single_threaded_algebra, stream
+from stagectl.cli.options import AxisName, Columns, Json, Report, Socket, StageArgument, Write, argument, option
+from stagectl.cli.show import console, deliver, page_path, patch, reporter, single_threaded_algebra
 from stagectl.identification.catalogue import listed
 from stagectl.units import Quantity, StageError
 
 if TYPE_CHECKING:
     from stagectl.workflows.friction_watch import Verdict
+
+
+from typing import Literal
 
 _EVERY = Quantity("s", "[1, 14]", "time of one look; the service holds the last 14 s")
 
@@ -36,61 +38,35 @@ def _method(name: str) -> str:
     return name
 
 
-MethodArgument = Annotated[
-    str, typer.Argument(metavar="METHOD", help="\n\n".join(["One of these.", *listed()]), callback=_method)
-]
-Captures = Annotated[
-    list[Path] | None, typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")
-]
-Current = Annotated[
-    str | None, typer.Option("--current", metavar="COLUMN", help="measured_current, current (limited) or command.")
-]
-Columns = Annotated[
-    str | None,
-    typer.Option("--columns", metavar="WHICH", help="Of logs: time=t,position=qm:mm,current=3; numbers count from 1."),
-]
-Doubtful = Annotated[bool, typer.Option("--doubtful", help="Go on where a capture's units or current look wrong.")]
-Delay = Annotated[str | None, typer.Option("--delay", metavar="TIME", help="A known delay, such as 0.2ms.")]
-Gravity = Annotated[bool, typer.Option("--gravity", help="The axis turns in gravity: sine and cosine of its angle.")]
-Directions = Annotated[bool, typer.Option("--directions", help="Friction of its own in each direction.")]
-Form = Annotated[str | None, typer.Option("--form", help="Of zero-crossing: the form whose parameters are wanted.")]
-Compensation = Annotated[
-    str | None, typer.Option("--compensation", metavar="NAME", help="Compensator to act: table, gms or rheology.")
-]
-Compensators = Annotated[
-    str, typer.Option("--compensators", metavar="NAMES", help="Compensators to `compare`: table,gms,rheology.")
-]
-Seed = Annotated[int | None, typer.Option("--seed", help="Of a method that searches at random.")]
+Current = Annotated[str | None, option("--current COLUMN", "measured_current, current (limited) or command.")]
+Compensation = Annotated[str | None, option("--compensation NAME", "Compensator to act: table, gms or rheology.")]
 Watch = Annotated[
-    bool, typer.Option("--watch", help="Follow the friction of a running service, and keep its compensation current.")
-]
-Every = Annotated[
-    str | None, typer.Option("--every", metavar="TIME", help="Of --watch: what one look takes, else 10 s.")
+    bool, option("--watch", "Follow the friction of a running service, and keep its compensation current.")
 ]
 Within = Annotated[
-    float | None, typer.Option("--within", min=0.01, max=1.0, help="Of --watch: bound of the change, else 0.3: 30 %.")
+    float | None, option("--within", "Of --watch: bound of the change, else 0.3: 30 %.", min=0.01, max=1.0)
 ]
 
 
 def identify(
-    method: MethodArgument,
+    method: Annotated[str, argument("METHOD", "\n\n".join(["One of these.", *listed()]), callback=_method)],
     stage: StageArgument,
-    captures: Captures = None,
+    captures: Annotated[list[Path] | None, argument("CAPTURE...", "Recordings, logs or folders of captures.")] = None,
     json: Json = None,
     write: Write = None,
     report: Report = None,
     current: Current = None,
     columns: Columns = None,
-    delay: Delay = None,
-    gravity: Gravity = False,
-    directions: Directions = False,
-    form: Form = None,
-    seed: Seed = None,
-    doubtful: Doubtful = False,
+    delay: Annotated[str | None, option("--delay TIME", "A known delay, such as 0.2ms.")] = None,
+    gravity: Annotated[bool, option("--gravity", "The axis turns in gravity: sine and cosine of its angle.")] = False,
+    directions: Annotated[bool, option("--directions", "Friction of its own in each direction.")] = False,
+    form: Annotated[str | None, option("--form", "Of zero-crossing: the form whose parameters are wanted.")] = None,
+    seed: Annotated[int | None, option("--seed", "Of a method that searches at random.")] = None,
+    doubtful: Annotated[bool, option("--doubtful", "Go on where a capture's units or current look wrong.")] = False,
     compensation: Compensation = None,
-    compensators: Compensators = "",
+    compensators: Annotated[str, option("--compensators NAMES", "Compensators to `compare`: table,gms,rheology.")] = "",
     watch: Watch = False,
-    every: Every = None,
+    every: Annotated[str | None, option("--every TIME", "Of --watch: what one look takes, else 10 s.")] = None,
     within: Within = None,
     socket: Socket = None,
     axis: AxisName = "",
@@ -146,14 +122,48 @@ def _follow(stage: Path, looks: Iterator[Verdict], write: Path | None, json: str
     """Show each look until Ctrl-C, then put the scale into the stage file; exit 1 where the watch ends by itself."""
     from stagectl.config import patch as stage_patch
 
-    event, last = stream(json), None
+    report, last = reporter(json, console.print), None
     with contextlib.suppress(KeyboardInterrupt):
         for last in looks:
-            console.print(last.words)
-            event(message_event(last.words) | last._asdict())
+            report(**last._asdict())
     if last is None:
         return
     changes = {"control.friction_scale": last.scale}
     patch(stage, write, lambda target: stage_patch.write(stage, target, changes))
     if last.ended:
         raise typer.Exit(1)
+
+
+def tune(
+    stage: StageArgument,
+    bandwidth: Annotated[
+        str | None, option("--bandwidth FREQUENCY", "Such as 40Hz; else the highest that holds.")
+    ] = None,
+    margin: Annotated[
+        str | None, option("--margin ANGLE", "Least phase margin, such as 30deg; else the file's.")
+    ] = None,
+    ms: Annotated[
+        str | None, option("--ms FACTOR", "Largest peak of the sensitivity; without --bandwidth it is 2.")
+    ] = None,
+    law: Annotated[Literal["pid", "cascade"] | None, option("--law", "Else the stage file's.")] = None,
+    start: Annotated[
+        Literal["rule", "own"], option("--start", "Ratios of a cascade: by the rule, or the file's own.")
+    ] = "rule",
+    write: Write = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
+    """Design the feedback from the stage's model, with its period and all its delays.
+
+    Without --bandwidth: the fastest design that keeps the margins.  A cascade's bandwidth is that of its position loop.
+
+    Example: stagectl tune config/ball-screw.yaml --bandwidth 30Hz --margin 30deg
+    """
+    import stagectl as sc
+
+    designed = sc.load_stage(stage, judged=False)
+    page = page_path(report, f"tune-{designed.path.stem}")
+    with console.status("searching the gains over the families of machines"):
+        tuned = sc.tune(designed, bandwidth, margin, peak=ms, law=law, own_ratios=start == "own")
+    deliver(tuned, page, json)
+    patch(stage, write, tuned.write)

@@ -7,21 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stagectl.cli.motion import Json, StageArgument
-from stagectl.cli.service import Stages
+from stagectl.cli.options import Json, StageArgument, Stages, option
 from stagectl.cli.show import console, emit, without_compiler
 
 if TYPE_CHECKING:
     from stagectl.service.install import Step
 
-Root = Annotated[Path, typer.Option(metavar="FOLDER", help="Root folder of the target system.")]
+Root = Annotated[Path, option("--root FOLDER", "Root folder of the target system.")]
 service = typer.Typer(help="The systemd service: install, remove.", no_args_is_help=True)
 
 
 def doctor(
     stage: StageArgument,
     state: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="State folder of the service; default: $STATE_DIRECTORY.")
+        Path | None, option("--state FOLDER", "State folder of the service; default: $STATE_DIRECTORY.")
     ] = None,
     json: Json = None,
 ) -> None:
@@ -51,8 +50,8 @@ def doctor(
 def install(
     stages: Stages,
     root: Root = Path("/"),
-    tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Also serve over TCP; a token allows reading.")] = "",
-    no_start: Annotated[bool, typer.Option("--no-start", help="Enable the unit without starting it.")] = False,
+    tcp: Annotated[str, option("--tcp HOST:PORT", "Also serve over TCP; a token allows reading.")] = "",
+    no_start: Annotated[bool, option("--no-start", "Enable the unit without starting it.")] = False,
     json: Json = None,
 ) -> None:
     """Install user, unit, network and udev files, and start the service.

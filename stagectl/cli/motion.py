@@ -4,117 +4,33 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from stagectl.api.arguments import quantity
-from stagectl.cli.show import (
-    console,
-    emit,
-    message_event,
-    single_threaded_algebra,
-    stream,
-    summary,
-    tell,
-    typed,
-    without_compiler,
+from stagectl.cli.options import (
+    Channel,
+    Json,
+    Lines,
+    MachineOfTheDay,
+    Plant,
+    StageArgument,
+    TrajectoryArgument,
+    Without,
+    option,
 )
-from stagectl.cli.streams import check_output
+from stagectl.cli.show import console, emit, reporter, single_threaded_algebra, summary, tell, typed, without_compiler
 from stagectl.extras import require
-from stagectl.replacing import JSON, JSON_LINES, PAGE, check_replaceable
-from stagectl.units import Quantity
 
 if TYPE_CHECKING:
     from stagectl.api.stage import DesignedStage
 
-StageArgument = Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")]
-TrajectoryArgument = Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")]
 
-
-def replacing(mark: str) -> Callable[[Any], Any]:
-    """What refuses a file that a long computation could not replace in the end, before it begins; see `replacing`."""
-
-    def check(value: Any) -> Any:
-        if str(value) == "-":
-            check_output()
-        elif value is not None:
-            check_replaceable(Path(value), mark)
-        return value
-
-    return check
-
-
-Json = Annotated[
-    str | None,
-    typer.Option("--json", metavar="FILE", callback=replacing(JSON), help="Result as JSON; - for standard output."),
-]
-Lines = Annotated[
-    str | None,
-    typer.Option(
-        "--json",
-        metavar="FILE",
-        callback=replacing(JSON_LINES),
-        help="A line of JSON for each message; - for standard output.",
-    ),
-]
-Without = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--without",
-        metavar="LAYER",
-        help="Switch off: ptc, friction (or its compensator), effects, observer; or one effect, such as cogging.",
-    ),
-]
-Write = Annotated[
-    Path | None,
-    typer.Option("--write", metavar="STAGE.yaml", help="Write the result into a copy, or the file itself."),
-]
-Report = Annotated[
-    Path | None,
-    typer.Option(
-        "--report",
-        metavar="FILE.html",
-        callback=replacing(PAGE),
-        help="Where the page goes, else into recordings/.",
-    ),
-]
-Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to record.")]
+Output = Annotated[Path | None, option("--output -o FILE.h5", "Where to record.")]
 Learned = Annotated[
-    Path | None, typer.Option(metavar="FILE.h5", help="Add the current that `stagectl learn` found for this motion.")
+    Path | None, option("--learned FILE.h5", "Add the current that `stagectl learn` found for this motion.")
 ]
-Twin = Annotated[
-    bool, typer.Option("--twin", help="Run the model next to the axis and report how they differ; see `gap watch`.")
-]
-State = Annotated[
-    Path | None, typer.Option("--state", metavar="FILE", help="Slow record of the twin, for `gap drift`.")
-]
-ResetFault = Annotated[
-    bool, typer.Option("--reset-fault", help="Reset the drive's fault first. See what caused it before you do.")
-]
-Plant = Annotated[
-    Path | None, typer.Option(metavar="PLANT.yaml", help="The simulated machine, where it differs from the model.")
-]
-MachineOfTheDay = Annotated[
-    int,
-    typer.Option(
-        min=0,
-        max=2**31 - 1,
-        metavar="SEED",
-        help="A machine drawn around the model: parameters, friction and effects that nobody has seen; 0: the model.",
-    ),
-]
-Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
-_CURRENT = Quantity("A", "(0, 1000]", "largest current")
 # Rows of a motion that kernels go through interpreted, in the time that it takes to load them, or to compile them.
 _UNLOADED, _UNCOMPILED = 40_000, 200_000
-
-
-def amperes(option: str, text: str | None) -> float | None:
-    """The current (A) that an option of this name states, or None without it.  Raises ArgumentError."""
-    return quantity(option, text, _CURRENT, "it such as '1.2 A'")
 
 
 def run(
@@ -125,9 +41,13 @@ def run(
     output: Output = None,
     channel: Channel = None,
     learned: Learned = None,
-    twin: Twin = False,
-    state: State = None,
-    reset_fault: ResetFault = False,
+    twin: Annotated[
+        bool, option("--twin", "Run the model next to the axis and report how they differ; see `gap watch`.")
+    ] = False,
+    state: Annotated[Path | None, option("--state FILE", "Slow record of the twin, for `gap drift`.")] = None,
+    reset_fault: Annotated[
+        bool, option("--reset-fault", "Reset the drive's fault first. See what caused it before you do.")
+    ] = False,
 ) -> None:
     """Run a trajectory on the drive and record it.
 
@@ -197,12 +117,12 @@ def virtual_drive(
     stage: StageArgument,
     channel: Channel = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, max=2**31 - 1, help="Of its noise, instead of the stage file's.")
+        int | None, option("--seed", "Of its noise, instead of the stage file's.", min=0, max=2**31 - 1)
     ] = None,
     machine_of_the_day: MachineOfTheDay = 0,
-    reveal: Annotated[bool, typer.Option("--reveal", help="Say what was drawn for the machine of the day.")] = False,
+    reveal: Annotated[bool, option("--reveal", "Say what was drawn for the machine of the day.")] = False,
     follow: Annotated[
-        bool, typer.Option(hidden=True, help="Leave when the process that started this one dies.")
+        bool, option("--follow/--no-follow", "Leave when the process that started this one dies.", hidden=True)
     ] = False,
     json: Lines = None,
 ) -> None:
@@ -233,30 +153,15 @@ def virtual_drive(
         setup, hidden = drawn(with_machine_of_the_day(setup, machine), machine)
         if reveal:
             console.print("\n  ".join([f"machine of the day {machine}:", *hidden.lines]), markup=False)
-    wire = setup.file.drive.wire
+    wire, report = setup.file.drive.wire, reporter(json, (lambda _: None) if json == "-" else tell)
     if isinstance(wire, Odrive):
-        serve_odrive(setup, wire, _reporter(json), lambda: bool(stopped))
+        serve_odrive(setup, wire, report, lambda: bool(stopped))
     else:
-        serve(setup, canopen(setup), _reporter(json), lambda: bool(stopped))
-
-
-def _reporter(json: str | None) -> Callable[[str], None]:
-    """A function that reports a line as text, as an event of `json`, or both."""
-    write = stream(json)
-
-    def report(words: str) -> None:
-        write(message_event(words))
-        if json != "-":
-            tell(words)
-
-    return report
+        serve(setup, canopen(setup), report, lambda: bool(stopped))
 
 
 def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to put it all.")] = Path(
-        "demo"
-    ),
-    json: Json = None,
+    output: Annotated[Path, option("--output -o FOLDER", "Where to put it all.")] = Path("demo"), json: Json = None
 ) -> None:
     """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation.
 

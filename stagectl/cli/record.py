@@ -10,8 +10,8 @@ from urllib.parse import quote
 import typer
 
 from stagectl.api.arguments import quantity
-from stagectl.cli.motion import Json
-from stagectl.cli.service import AxisName, Socket, ask_service
+from stagectl.cli.options import AxisName, Json, Socket, option
+from stagectl.cli.service import ask_service
 from stagectl.cli.show import console, emit, progress
 from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.units import Quantity, StageError
@@ -24,18 +24,11 @@ _PAST = Quantity("s", f"[0, {REACHED_BACK:g}]", "time before now")
 
 
 def record(
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE.h5", help="Output file; default: the service keeps it."),
-    ] = None,
-    time_: Annotated[str | None, typer.Option("--for", metavar="TIME", help="Duration; default: until Ctrl-C.")] = None,
-    before: Annotated[
-        str, typer.Option(metavar="TIME", help="Include this much of the past, as far as available.")
-    ] = "0 s",
-    end: Annotated[
-        bool, typer.Option("--end", help="End the recording that goes on, instead of beginning one.")
-    ] = False,
-    name: Annotated[str, typer.Option(metavar="NAME", help="Name of the service's file; default: the time.")] = "",
+    output: Annotated[Path | None, option("--output -o FILE.h5", "Output file; default: the service keeps it.")] = None,
+    time_: Annotated[str | None, option("--for TIME", "Duration; default: until Ctrl-C.")] = None,
+    before: Annotated[str, option("--before TIME", "Include this much of the past, as far as available.")] = "0 s",
+    end: Annotated[bool, option("--end", "End the recording that goes on, instead of beginning one.")] = False,
+    name: Annotated[str, option("--name NAME", "Name of the service's file; default: the time.")] = "",
     axis: AxisName = "",
     socket: Socket = None,
     json: Json = None,

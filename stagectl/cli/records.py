@@ -6,10 +6,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
 from stagectl.api.arguments import ArgumentError
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json, argument, option
 from stagectl.cli.show import console, emit, typed
 from stagectl.extras import require
 from stagectl.replacing import PAGE, check_replaceable
@@ -18,14 +16,10 @@ from stagectl.units import StageError
 if TYPE_CHECKING:
     from stagectl.recording.hdf5 import Recording
 
-RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING.h5", help="A recording.")]
-Exported = Annotated[
-    list[Path],
-    typer.Argument(metavar="RECORDING.h5... | STAGE.yaml", help="Recordings; for a simulator, a stage file."),
-]
+RecordingArgument = Annotated[Path, argument("RECORDING.h5", "A recording.")]
 Format = Literal["csv", "parquet", "mat", "mcap", "folder", "trajectory", "mujoco", "fmu", "isaac"]
 SIMULATORS = ("mujoco", "fmu", "isaac")  # of `stagectl.interchange`; the others are of `stagectl.recording.exports`
-Where = Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Output file or folder.")]
+Where = Annotated[Path | None, option("--output -o PATH", "Output file or folder.")]
 
 
 def report(recording: RecordingArgument, output: Where = None, json: Json = None) -> None:
@@ -35,11 +29,11 @@ def report(recording: RecordingArgument, output: Where = None, json: Json = None
     """
     require("report", "the page")
     from stagectl.recording.hdf5 import open_recording
-    from stagectl.report.page import check_name, write
+    from stagectl.report.page import write
     from stagectl.report.run import page
 
     path = output or recording.with_suffix(".html")
-    check_name(path)
+    check_replaceable(path, PAGE)
     run_page = page(open_recording(recording), [typed()])
     console.print(run_page.answer)
     console.print(f"report: {write(run_page, path)}")
@@ -60,10 +54,11 @@ def replay(recording: RecordingArgument, json: Json = None) -> None:
 
 
 def export(
-    files: Exported,
+    files: Annotated[
+        list[Path], argument("RECORDING.h5... | STAGE.yaml", "Recordings; for a simulator, a stage file.")
+    ],
     to: Annotated[
-        Format,
-        typer.Option(help="Format; `folder` takes several recordings, `mujoco`, `fmu` and `isaac` a stage file."),
+        Format, option("--to", "Format; `folder` takes several recordings, `mujoco`, `fmu` and `isaac` a stage file.")
     ],
     output: Where = None,
     json: Json = None,
@@ -128,26 +123,21 @@ def _export_recordings(recordings: list[Path], to: Format, output: Path | None, 
 
 
 def import_(
-    source: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="A text table, a .mat, a folder of captures, or a folder of logs."),
-    ],
-    stage: Annotated[
-        Path | None, typer.Option(metavar="STAGE.yaml", help="Stage file with the scales of the columns.")
-    ] = None,
+    source: Annotated[Path, argument("FILE", "A text table, a .mat, a folder of captures, or a folder of logs.")],
+    stage: Annotated[Path | None, option("--stage STAGE.yaml", "Stage file with the scales of the columns.")] = None,
     output: Where = None,
     columns: Annotated[
         str | None,
-        typer.Option(
-            metavar="WHICH",
-            help="Assign columns: time=t,position=qm:mm,current=-3 (numbers count from 1, a minus turns the sign).",
+        option(
+            "--columns WHICH",
+            "Assign columns: time=t,position=qm:mm,current=-3 (numbers count from 1, a minus turns the sign).",
         ),
     ] = None,
-    counts: Annotated[float | None, typer.Option(metavar="N", help="Encoder counts a turn, or a metre.")] = None,
+    counts: Annotated[float | None, option("--counts N", "Encoder counts a turn, or a metre.")] = None,
     force_constant: Annotated[
-        float | None, typer.Option(metavar="K", help="N m/A or N/A, of a column that is a force.")
+        float | None, option("--force-constant K", "N m/A or N/A, of a column that is a force.")
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take a guess that is not sure.")] = False,
+    yes: Annotated[bool, option("--yes -y", "Take a guess that is not sure.")] = False,
     json: Json = None,
 ) -> None:
     """Import the log of another program; columns and units that it does not name are guessed, and the guess is shown.

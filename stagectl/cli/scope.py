@@ -11,11 +11,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from stagectl.api.arguments import quantity, terminal
-from stagectl.cli.motion import Json
-from stagectl.cli.service import AxisName, Socket, answered, ask_service
+from stagectl.cli.options import AxisName, Json, Socket, argument, option
+from stagectl.cli.service import answered, ask_service
 from stagectl.cli.show import console, emit
 from stagectl.named_values import names_of
 from stagectl.number_format import duration, length
@@ -29,17 +27,15 @@ _SHARE = Quantity("", "[0, 1]", "share of a capture")
 def scope(
     channels: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[CHANNEL]...", help="Up to 16; default: error measured_current. Several axes: x.error y.error."
-        ),
+        argument("[CHANNEL]...", "Up to 16; default: error measured_current. Several axes: x.error y.error."),
     ] = None,
-    span: Annotated[str, typer.Option(metavar="TIME", help="Length of a capture.")] = "1 s",
+    span: Annotated[str, option("--span TIME", "Length of a capture.")] = "1 s",
     trigger: Annotated[
-        str | None, typer.Option(metavar="CONDITION", help="For example 'error > 1 um'; <: falls below, =: crosses.")
+        str | None, option("--trigger CONDITION", "For example 'error > 1 um'; <: falls below, =: crosses.")
     ] = None,
-    before: Annotated[str, typer.Option(metavar="SHARE", help="Part of the capture before the trigger.")] = "20 %",
-    once: Annotated[bool, typer.Option("--once", help="Take one capture and exit.")] = False,
-    show: Annotated[bool, typer.Option("--list", help="List the channels with units and meanings.")] = False,
+    before: Annotated[str, option("--before SHARE", "Part of the capture before the trigger.")] = "20 %",
+    once: Annotated[bool, option("--once", "Take one capture and exit.")] = False,
+    show: Annotated[bool, option("--list", "List the channels with units and meanings.")] = False,
     axis: AxisName = "",
     socket: Socket = None,
     json: Json = None,
@@ -211,14 +207,10 @@ def bounds_of(low: Sequence[float], high: Sequence[float]) -> tuple[float, float
 
 def _columns(low: Sequence[float], high: Sequence[float], count: int) -> list[tuple[float, float]]:
     """As many (lowest, highest) as there are columns; of each all that falls into it."""
-    extremes = []
-    for column in range(count):
-        start = column * len(low) // count
-        end = max((column + 1) * len(low) // count, start + 1)
-        bottoms = [value for value in low[start:end] if not math.isnan(value)]
-        tops = [value for value in high[start:end] if not math.isnan(value)]
-        extremes.append((min(bottoms), max(tops)) if bottoms and tops else (math.nan, math.nan))
-    return extremes
+    import numpy as np
+
+    starts = np.arange(count) * len(low) // count
+    return list(zip(np.fmin.reduceat(low, starts).tolist(), np.fmax.reduceat(high, starts).tolist(), strict=True))
 
 
 def _row(value: float, bounds: tuple[float, float], rows: int) -> int:

@@ -10,44 +10,46 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.cli.addresses import foxglove_address, tcp_port
-from stagectl.cli.motion import Channel, Json, Lines
-from stagectl.cli.show import console, emit, is_stage, message_event, stream, without_compiler
+from stagectl.cli.options import (
+    AxisName,
+    Channel,
+    Json,
+    Lines,
+    NoWait,
+    Socket,
+    Stages,
+    TrajectoryArgument,
+    argument,
+    option,
+)
+from stagectl.cli.show import console, emit, is_stage, reporter, without_compiler
 from stagectl.extras import require
 from stagectl.named_values import pairs
 from stagectl.problem import Problem, ProblemKind
+from stagectl.replacing import check_is_folder
 from stagectl.service import shutdown_signals
 from stagectl.units import StageError
 
-Stages = Annotated[
-    list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
-]
-Socket = Annotated[
-    Path | None,
-    typer.Option("--socket", metavar="PATH", help="Control socket of the service; default: $STAGECTL_SOCKET."),
-]
-AxisName = Annotated[str, typer.Option("--axis", metavar="NAME", help="One axis; default: all.")]
 fault = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=True)
 
 
 @shutdown_signals.held_back(*shutdown_signals.STOPS)
 def serve(
     stages: Stages,
-    socket: Annotated[Path | None, typer.Option(metavar="PATH", help="Control socket.")] = None,
+    socket: Annotated[Path | None, option("--socket PATH", "Control socket.")] = None,
     state: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Folder for black boxes; default: $STATE_DIRECTORY.")
+        Path | None, option("--state FOLDER", "Folder for black boxes; default: $STATE_DIRECTORY.")
     ] = None,
     channel: Channel = None,
     tcp: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Serve the live page over TCP; a token allows reading.")
+        str | None, option("--tcp HOST:PORT", "Serve the live page over TCP; a token allows reading.")
     ] = None,
-    token: Annotated[Path | None, typer.Option(metavar="FILE", help="File with the token; created if missing.")] = None,
-    tcp_may_move: Annotated[bool, typer.Option("--tcp-may-move", help="The token also allows moving.")] = False,
+    token: Annotated[Path | None, option("--token FILE", "File with the token; created if missing.")] = None,
+    tcp_may_move: Annotated[bool, option("--tcp-may-move", "The token also allows moving.")] = False,
     foxglove: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Send every row to Foxglove; no access control.")
+        str | None, option("--foxglove HOST:PORT", "Send every row to Foxglove; no access control.")
     ] = None,
-    uncoupled: Annotated[
-        bool, typer.Option("--uncoupled", help="A fault of one axis does not stop the others.")
-    ] = False,
+    uncoupled: Annotated[bool, option("--uncoupled", "A fault of one axis does not stop the others.")] = False,
     json: Lines = None,
 ) -> None:
     """Run the machine as a service, for months: see docs/service.md.
@@ -63,18 +65,12 @@ def serve(
     from stagectl.web.client import own_socket
     from stagectl.web.server import run
 
-    if state is not None and state.exists() and not state.is_dir():
-        raise StageError(Problem("is a file and no folder", ProblemKind.FILE, "--state", str(state), file=state))
     folder = state or state_folder()
+    check_is_folder(folder)
     runtime = os.environ.get("RUNTIME_DIRECTORY")
     place = socket or (Path(runtime) / "control.sock" if runtime else own_socket())
     axes, coupled = machine(stages, channel), together(stages) and not uncoupled
-    write = stream(json)
-
-    def say(words: str) -> None:
-        console.print(words)
-        write(message_event(words))
-
+    say = reporter(json, console.print)
     for name, axis in axes.items():
         if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
@@ -117,11 +113,11 @@ home = _order("home", "Find home by the method in the stage file's `homing`; wit
 
 
 def move(
-    target: Annotated[list[str], typer.Argument(metavar="POSITION...", help="'10 mm', or x='10 mm' y='5 mm'.")],
-    by: Annotated[bool, typer.Option("--by", help="Distances from here instead of positions.")] = False,
-    speed: Annotated[str | None, typer.Option(metavar="SPEED", help="For example '50 mm/s'.")] = None,
-    acceleration: Annotated[str | None, typer.Option(metavar="ACCELERATION", help="For example '1 m/s^2'.")] = None,
-    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when the motion has started.")] = False,
+    target: Annotated[list[str], argument("POSITION...", "'10 mm', or x='10 mm' y='5 mm'.")],
+    by: Annotated[bool, option("--by", "Distances from here instead of positions.")] = False,
+    speed: Annotated[str | None, option("--speed SPEED", "For example '50 mm/s'.")] = None,
+    acceleration: Annotated[str | None, option("--acceleration ACCELERATION", "For example '1 m/s^2'.")] = None,
+    no_wait: NoWait = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
@@ -136,7 +132,7 @@ def move(
 
 def stop(
     axis: AxisName = "",
-    quick: Annotated[bool, typer.Option("--quick", help="Use the drive's ramp, then switch power off.")] = False,
+    quick: Annotated[bool, option("--quick", "Use the drive's ramp, then switch power off.")] = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
@@ -150,9 +146,9 @@ def stop(
 
 
 def follow(
-    trajectory: Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")],
+    trajectory: TrajectoryArgument,
     axis: AxisName = "",
-    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when the motion has started.")] = False,
+    no_wait: NoWait = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
@@ -176,9 +172,7 @@ def uploaded(trajectory: Path) -> dict[str, Any]:
 
 
 def parameters(
-    changes: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="For example bandwidth='30 Hz'.")
-    ] = None,
+    changes: Annotated[list[str] | None, argument("[NAME=VALUE]...", "For example bandwidth='30 Hz'.")] = None,
     axis: AxisName = "",
     socket: Socket = None,
     json: Json = None,
@@ -221,18 +215,13 @@ def _places(target: list[str]) -> dict[str, str]:
     for before, text in zip(["", *target], target, strict=False):
         name, equals, value = (part.strip() for part in text.rpartition("="))
         if before and not equals and value.isalpha():
-            raise StageError(_parted(before, value))
+            remedy = f'write `stagectl move "{before} {value}"`'  # the shell has taken a number and its unit apart
+            raise StageError(Problem(f"{before} and {value} are two arguments", ProblemKind.SYNTAX, remedy=remedy))
         if name in places:
             twice = f"POSITION is given twice for {f'axis {name}' if name else 'one axis'}: {places[name]}, {value}"
             raise StageError(Problem(f"{twice}; nothing has moved", ProblemKind.REPEATED))
         places[name] = value
     return places
-
-
-def _parted(number: str, unit: str) -> Problem:
-    """A number and its unit that the shell has taken apart."""
-    reason = f"{number} and {unit} are two arguments"
-    return Problem(reason, ProblemKind.SYNTAX, remedy=f'write `stagectl move "{number} {unit}"`')
 
 
 def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] | None = None) -> None:

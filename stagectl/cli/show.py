@@ -19,7 +19,7 @@ from stagectl.api.arguments import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
-from stagectl.replacing import JSON, WRITTEN_BY, check_replaceable, json_text, naming, write_text
+from stagectl.replacing import WRITTEN_BY, naming, write_json, write_text
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -59,9 +59,7 @@ def emit(result: dict[str, Any], target: str | None, good: bool = True) -> None:
     if target == "-":
         tell(json.dumps(result, indent=2, allow_nan=False))
     elif target is not None:
-        check_replaceable(Path(target), JSON)  # this command may have written another result there
-        Path(target).parent.mkdir(parents=True, exist_ok=True)
-        write_text(Path(target), json_text(result))
+        write_json(Path(target), result)
     if words := result.get("interrupted"):
         raise StageError(Problem(words, ProblemKind.STOPPED))
     if not good:
@@ -82,10 +80,6 @@ def page_path(report: Path | None, name: str) -> Path | None:
             raise
         console.print(f"no page: {error}")
         return None
-    if report is not None:
-        from stagectl.report.page import check_name
-
-        check_name(report)
     return report or unused(name, ".html")
 
 
@@ -119,7 +113,6 @@ def write_page(result: ReportedResult, path: Path) -> Path:
     """Write the page of a result, with the configuration files that the command names."""
     from stagectl.report.page import write
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     console.print(f"report: {write(result.page(typed()), path, typed_files())}")
     return path
 
@@ -158,7 +151,6 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     """What writes one line of JSON for each event of a verb that goes on: to the file `target`, ``-`` for output."""
     mark = {} if target == "-" else dict(WRITTEN_BY)  # of a file's first line
     if target is not None and target != "-":
-        Path(target).parent.mkdir(parents=True, exist_ok=True)
         write_text(Path(target), "")
 
     def write(event: dict[str, Any]) -> None:
@@ -173,9 +165,15 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     return write
 
 
-def message_event(words: str) -> dict[str, Any]:
-    """A message as an event of a continuous verb."""
-    return {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "words": words}
+def reporter(target: str | None, show: Callable[[str], object]) -> Callable[..., None]:
+    """What tells a message of a verb that goes on: by `show`, and with further facts as an event of `stream`."""
+    write = stream(target)
+
+    def report(words: str, **facts: Any) -> None:
+        show(words)
+        write({"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "words": words, **facts})
+
+    return report
 
 
 def summary(result: dict[str, Any]) -> str:

@@ -2,9 +2,7 @@
 
 ROUNDING = 1e-9  # of the largest speed: a slower reference is at rest; rounding
 SMALLEST = 1e-6  # least divisor of the shape between two legs; avoids a division by zero
-EFFECTS_SHARE = (
-    0.5  # of the current limit that the current against all effects may take; chosen: the rest moves the axis
-)
+EFFECTS_SHARE = 0.5  # of the current limit, for the current against all effects; chosen: the rest moves the axis
 EFFECT_SHARE = 0.3  # of the current limit that one effect may take.  Of the library at four times its typical size none
 # demands more on the ball screw: `viscous_nonlinear` 0.29, `thermal_viscous` 0.27; `backlash`, which at four times its
 # size is no machine any more, demands 0.23 at its typical one.

@@ -73,24 +73,22 @@ def _table(p: Friction) -> dict[str, list[float]]:
 
 def _gms(p: Friction) -> dict[str, Any]:
     """The operators as they are; a bristle as operators that bend the curve at the rows of its table."""
-    if p.bristle.coulomb == 0.0:
-        pairs, rise = zip(p.operators.weight, p.operators.slip, strict=True), p.stribeck
-        elements = [(float(weight), float(slip)) for weight, slip in pairs if weight > 0.0]
-    else:
-        elements, rise = _through(np.array(list(_table(p).values()))), p.bristle.stribeck
+    bundle, rise = p.operators, p.stribeck
+    if p.bristle.coulomb > 0.0:  # from rest the curve is half that of a full reversal, over half the displacement
+        since, force = (np.array(column) for column in _table(p).values())
+        bundle, rise = through(0.5 * since, 0.5 * (force - force[0])), p.bristle.stribeck
+    elements = [(float(w), float(s)) for w, s in zip(bundle.weight, bundle.slip, strict=True) if w > 0.0]
     weights, slips = zip(*elements, strict=True)
     made: dict[str, Any] = {"weight": list(weights), "slip": list(slips)}
     return {**made, "stribeck": rise._asdict()} if rise.rise > 0.0 else made
 
 
-def _through(rows: Array) -> list[tuple[float, float]]:
-    """Weight and slip of operators whose curve goes through the `rows` (2, m) of a table that bends down only."""
-    since, force = rows
-    slopes = np.diff(force) / np.diff(since)
-    slip = 0.5 * since[1:]
-    weight = np.maximum(slopes - np.append(slopes[1:], 0.0), 0.0) * slip
-    weight *= force[-1] / np.sum(weight)
-    return [(float(w), float(s)) for w, s in zip(weight, slip, strict=True) if w > 0.0]
+def through(displacement: Array, force: Array) -> friction.StopOperators:
+    """Stop operators whose curve from rest goes through these points (m,), as far as it bends down only."""
+    slopes = np.diff(force) / np.diff(displacement)
+    weight = np.maximum(slopes - np.append(slopes[1:], 0.0), 0.0) * displacement[1:]
+    whole = float(np.sum(weight))
+    return friction.bundle(weight * (force[-1] / whole) if whole > 0.0 else weight, displacement[1:])
 
 
 def _rheology(p: Friction) -> dict[str, Any]:
@@ -111,10 +109,7 @@ def _rheology(p: Friction) -> dict[str, Any]:
 def _spring(coulomb: float, x: Array, since: Array) -> Array:
     """The rheology model's force (m,) at the displacements `since` a full reversal; `x` = (ln range, exponent)."""
     law = friction_memory.Rheology(coulomb, float(np.exp(x[0])), float(x[1]))
-    path, out = (
-        np.concatenate([[0.0], -10.0 * law.range + np.concatenate([[0.0], since])]),
-        np.empty((len(since) + 2, 2)),
-    )
+    path, out = np.concatenate([[0.0, -10.0 * law.range], since - 10.0 * law.range]), np.empty((len(since) + 2, 2))
     friction_path.rheology(law, path, 1.0, out)
     return np.asarray(out[2:, 0])
 

@@ -96,7 +96,9 @@ def measured_legs(position: Array, velocity: Array, dt: float, band: float, leas
 
 
 def _cut(position: Array, velocity: Array, dt: float, runs: list[Run], from_rest: bool) -> Legs:
-    x, v = np.asarray(position, dtype=np.float64), _standing_between(velocity, runs)
+    x, v = np.asarray(position, dtype=np.float64), np.zeros(len(velocity))
+    for run in runs:  # exactly zero outside of them
+        v[run.first : run.last + 1] = velocity[run.first : run.last + 1]
     rest = _Edge(0.0, float(x[0]) if len(x) else 0.0)
     starts = [rest] + [_start(run, x, v, dt) for run in runs]
     ends = [rest] + [_end(run, x, v, dt) for run in runs]
@@ -129,14 +131,6 @@ def runs_of(velocity: Array, band: float) -> list[Run]:
     edges = np.flatnonzero(np.diff(sign)) + 1
     firsts, lasts = np.concatenate([[0], edges]), np.concatenate([edges - 1, [len(sign) - 1]])
     return [Run(int(a), int(b), float(sign[a])) for a, b in zip(firsts, lasts, strict=True) if sign[a] != 0.0]
-
-
-def _standing_between(velocity: Array, runs: list[Run]) -> Array:
-    """The velocity, exactly zero outside of the runs."""
-    v = np.zeros(len(velocity))
-    for run in runs:
-        v[run.first : run.last + 1] = velocity[run.first : run.last + 1]
-    return v
 
 
 def _start(run: Run, x: Array, v: Array, dt: float) -> _Edge:

@@ -53,7 +53,7 @@ class ReversalTable(NamedTuple):
         """Friction (n,) N m | N along legs that are known."""
         out = np.empty(len(cut.leg) + 1)
         p = friction_memory.Table(table(self.displacement), table(self.force), self.inner_loops == "continue")
-        friction_path.table(p, cut.path, cut.period, out)
+        friction_path.table(p, cut.path, out)
         return out[1:]
 
 

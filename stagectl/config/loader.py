@@ -17,7 +17,7 @@ import yaml
 from stagectl.config.bounds import DEEPEST_BLOCK, LONGEST_LIST, LONGEST_SHOWN, LONGEST_TEXT, MOST_PROBLEMS
 from stagectl.config.hints import extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
-from stagectl.config.source import ConfigError, compose, entry_of, key_of
+from stagectl.config.source import ConfigError, compose, entries_of, entry_of, key_of
 from stagectl.problem import Problem, ProblemKind, below, nearest
 from stagectl.units import Quantity, StageError, Tagged, quantity_of, unit_in
 
@@ -110,7 +110,7 @@ class Reader:
 
     def _without_tag(self, node: yaml.Node, tag: Tagged, name: str) -> None:
         """Refuse a block that does not say its kind, or says it in capitals."""
-        for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+        for key, _ in entries_of(node):
             if isinstance(key, yaml.ScalarNode) and key.value.casefold() == tag.key != key.value:
                 remedy = f"did you mean {tag.key}?"
                 self.refuse(key, Problem("is not known", ProblemKind.UNKNOWN, below(name, key.value), remedy=remedy))

@@ -20,7 +20,7 @@ import yaml
 
 from stagectl.config.bounds import MOST_AXES
 from stagectl.config.loader import Reader, load
-from stagectl.config.source import ConfigError, compose, entry_of, read_text
+from stagectl.config.source import ConfigError, compose, entries_of, entry_of, read_text
 from stagectl.problem import Problem, ProblemKind
 
 AXES, COUPLED = "axes", "coupled"
@@ -32,7 +32,7 @@ def split(path: Path) -> tuple[Path, str]:
     return (path.with_name(name), axis) if name and axis and not os.path.exists(path) else (path, "")
 
 
-def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | None = None) -> Any:
+def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | None) -> Any:
     """Read the stage file, or the axis of one, with `read`; `text` is that of one axis, as `text_of` gives it.
 
     Raises ConfigError with every problem.
@@ -41,10 +41,9 @@ def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | 
     return load(file, lambda reader, root: read(reader, chosen(reader, root, axis)), text=text)
 
 
-def composed(path: Path) -> tuple[Path, yaml.Node]:
-    """The file, and the nodes of the stage that `path` names.  Raises ConfigError."""
-    file, axis = split(path)
-    return file, load(file, lambda reader, root: chosen(reader, root, axis))
+def composed(path: Path, text: str | None = None) -> tuple[Path, yaml.Node]:
+    """The file, and the nodes of the stage that `path` names, or of its `text`.  Raises ConfigError."""
+    return split(path)[0], load_axis(path, lambda _, root: root, text)
 
 
 def axes_of(path: Path) -> list[Path]:
@@ -52,7 +51,7 @@ def axes_of(path: Path) -> list[Path]:
     file, axis = split(path)
     if axis:
         return [path]
-    names = [key for key, _ in _entries(compose(file))]
+    names = [key for key, _ in entries_of(entry_of(compose(file), AXES))]
     for key in names:
         if not key.value.isidentifier():  # it could lead to another folder
             raise ConfigError(_misnamed(key.value)._replace(file=file, line=key.start_mark.line + 1))
@@ -78,13 +77,13 @@ def chosen(reader: Reader, root: yaml.Node, axis: str) -> yaml.Node:
 
     Raises ConfigError where there is no such axis.
     """
-    entries = {key.value: value for key, value in _entries(root)}
+    entries = {key.value: value for key, value in entries_of(entry_of(root, AXES))}
     if axis not in entries:
         if axis or entries:
             raise ConfigError(_which(reader.path, axis, list(entries)))
         return root
     _check(reader, root, entries)
-    for key, value in entries[axis].value if isinstance(entries[axis], yaml.MappingNode) else []:
+    for key, value in entries_of(entries[axis]):
         _put(reader, root, key, value)
     root.value = [(key, value) for key, value in root.value if key.value not in (AXES, COUPLED)]
     return root
@@ -115,12 +114,6 @@ def _check(reader: Reader, root: yaml.Node, entries: dict[str, yaml.Node]) -> No
     coupling = entry_of(root, COUPLED)
     if coupling is not None and getattr(coupling, "value", "") not in ("true", "false"):
         reader.refuse(coupling, Problem("must be true or false", ProblemKind.VALUE, COUPLED))
-
-
-def _entries(root: yaml.Node) -> list[tuple[yaml.Node, yaml.Node]]:
-    """Axis names and their blocks."""
-    block = entry_of(root, AXES)
-    return list(block.value) if isinstance(block, yaml.MappingNode) else []
 
 
 def _put(reader: Reader, root: yaml.Node, key: yaml.Node, value: yaml.Node) -> None:

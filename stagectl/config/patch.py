@@ -18,12 +18,11 @@ from typing import Annotated, Any, NamedTuple, get_args
 import yaml
 
 from stagectl.config import yaml_edit
-from stagectl.config.axis_patch import axis_reference, into_axis
 from stagectl.config.bounds import LONGEST_SHOWN, SAME_VALUE
 from stagectl.config.hints import plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
-from stagectl.config.machine_file import split, text_of
-from stagectl.config.source import ConfigError, node_at, read_text
+from stagectl.config.machine_file import AXES, split, text_of
+from stagectl.config.source import ConfigError, children_of, entries_of, node_at, read_text
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import load_stage
 from stagectl.config.unit_format import hint_at, worded
@@ -31,6 +30,7 @@ from stagectl.problem import Problem, ProblemKind
 from stagectl.replacing import replaced
 from stagectl.units import StageError, UnitError, quantity_of
 
+_ON_ONE_LINE = 100_000  # characters, more than any block has
 KEPT: Any = object()  # the value of an entry that stays as it is while its block becomes another one
 _NUMBER = re.compile(r"[+-]?[0-9.]+(e[+-]?[0-9]+)?", re.IGNORECASE)
 _MARK = b"\xef\xbb\xbf"
@@ -90,9 +90,45 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
 
 
 def in_its_file(source: Path, text: str, changes: Sequence[Change]) -> str:
-    """The changed `text` of the stage `source` as its file holds it: among those of other axes, if there are any."""
+    """The changed `text` of the stage `source` as its file holds it; of one axis among several, as entries of it.
+
+    What the axes share stays: a block that loses entries becomes an entry of the axis as a whole.
+    """
     file, axis = split(source)
-    return into_axis(read_text(file), axis, changes, text) if axis else text
+    if not axis:
+        return text
+    plane, whole = read_text(file), {change.name.split(".")[0] for change in changes if not change.new}
+    for change in changes:
+        if change.name.split(".")[0] not in whole:
+            plane = _axis_with(plane, axis, change.name, change.new)
+    for block in sorted(whole):
+        plane = _axis_with(plane, axis, block, _flow(node_at(yaml_edit.root_of(text), block)))
+    return plane
+
+
+def axis_reference(path: Path, source: Path) -> Path:
+    """`path` as the stage file of the axis that `source` names."""
+    file, axis = split(path)[0], split(source)[1]
+    return file.with_name(f"{file.name}#{axis}") if axis else path
+
+
+def _axis_with(text: str, axis: str, name: str, new: str) -> str:
+    """With an entry of the axis under its dotted name, which is one key there."""
+    block = node_at(yaml_edit.root_of(text), f"{AXES}.{axis}")
+    for key, value in block.value:
+        if key.value == name:
+            return yaml_edit.with_value(text, yaml_edit.place_between(text, key, value, name), value, new)
+    assert isinstance(block, yaml.MappingNode)  # as the axis has been read
+    return yaml_edit.with_entry(text, block, [name], new)
+
+
+def _flow(node: yaml.Node) -> str:
+    """A block in braces, on one line."""
+    for part in [node, *children_of(node)]:
+        if isinstance(part, yaml.CollectionNode):
+            part.flow_style = True
+    text: str = yaml.serialize(node, allow_unicode=True, width=_ON_ONE_LINE)
+    return text.strip()
 
 
 def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
@@ -139,7 +175,7 @@ def _with_block(before: Patched, name: str, values: Mapping[str, Any], lengths: 
     root, result = yaml_edit.root_of(before.text), before
     tag = tag_of(hint_at(StageFile, name, root))
     block = node_at(root, name) if yaml_edit.holds(root, name) else None
-    old = [key.value for key, _ in block.value] if isinstance(block, yaml.MappingNode) else []
+    old = [key.value for key, _ in entries_of(block)]
     if tag is not None:  # first: it decides which entries there are
         result = _with_value(result, Entry(f"{name}.{tag.key}", values[tag.key], str, lengths), dated=True)
     written = {key: value for key, value in values.items() if value is not KEPT}

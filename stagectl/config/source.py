@@ -80,22 +80,21 @@ def _check_brackets(path: Path, text: str) -> None:
 
 def children_of(node: yaml.Node) -> list[yaml.Node]:
     """The values of a block, or the items of a list; none of a single value."""
-    if isinstance(node, yaml.MappingNode):
-        return [value for _, value in node.value]
-    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
+    return list(node.value) if isinstance(node, yaml.SequenceNode) else [value for _, value in entries_of(node)]
 
 
 def entry_of(node: yaml.Node | None, name: str) -> yaml.Node | None:
     """The value under `name` in a block; None where there is none, or no block."""
-    return next((value for key, value in _entries(node) if key.value == name), None)
+    return next((value for key, value in entries_of(node) if key.value == name), None)
 
 
 def key_of(node: yaml.Node | None, name: str) -> yaml.Node | None:
     """The key `name` itself, as it stands in a block; None where there is none, or no block."""
-    return next((key for key, _ in _entries(node) if key.value == name), None)
+    return next((key for key, _ in entries_of(node) if key.value == name), None)
 
 
-def _entries(node: yaml.Node | None) -> list[tuple[yaml.Node, yaml.Node]]:
+def entries_of(node: yaml.Node | None) -> list[tuple[yaml.Node, yaml.Node]]:
+    """Keys and values of a block; none of anything else."""
     return node.value if isinstance(node, yaml.MappingNode) else []
 
 

@@ -1,4 +1,4 @@
-"""What entries of a stage file must hold together, although each is admissible by itself."""
+"""What entries of a stage file must hold together, although each is admissible by itself; what looks like a slip."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any, get_type_hints
 from stagectl.compensation.rolling import GeneralisedMaxwell, ReversalTable
 from stagectl.config.bounds import DELAY_LINE, SAME_VALUE, WIDEST_SLIPS
 from stagectl.config.friction_laws import Operators, Rolling, friction_of
-from stagectl.config.plausibility import never_reached
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
@@ -20,7 +19,7 @@ from stagectl.kernels.effects import TURN
 from stagectl.kernels.stage import Stage, sliding
 from stagectl.number_format import duration, length
 from stagectl.problem import Problem, ProblemKind
-from stagectl.units import LINEAR
+from stagectl.units import LINEAR, ROTARY, unit_on
 
 TOO_DAMPED = 20.0  # times the current's force, that the damping may take at limits.speed; chosen: a slip is 1000
 _CONFLICT = ProblemKind.CONFLICT
@@ -28,16 +27,9 @@ _CONFLICT = ProblemKind.CONFLICT
 
 def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     """Everything in `file`, read from `path`, that contradicts something else there."""
-    yield from _encoder(file)
-    yield from _limits(file)
-    yield from _homing(file)
-    yield from _brake(file)
-    yield from _drive(file)
-    yield from _transmission(file)
-    yield from _residual(file)
-    yield from _friction(file)
-    yield from _unanswered(file)
-    yield from _compensators(file)
+    checks = (_encoder, _limits, _homing, _drive, _transmission, _residual, _friction, _unanswered, _compensators)
+    for check in checks:
+        yield from check(file)
     yield from wire_conflicts(file, path)
     yield from too_far(file)
 
@@ -73,7 +65,7 @@ def _limits(file: StageFile) -> Iterator[Problem]:
         yield Problem("the first must be below the second", _CONFLICT, "limits.travel", value, unit)
     at_rest, moving = limits.following_error_at_rest, limits.following_error
     if at_rest is not None and at_rest > moving:
-        unit = "m" if axis.kind == LINEAR else "rad"
+        unit = unit_on(axis.kind, "rad | m")
         reason = f"must be at most limits.following_error, {moving:g} {unit}"
         yield Problem(reason, _CONFLICT, "limits.following_error_at_rest", f"{at_rest:g} {unit}", unit)
     yield from _following_error(file)
@@ -91,15 +83,13 @@ def _following_error(file: StageFile) -> Iterator[Problem]:
         yield Problem(reason, _CONFLICT, "limits.following_error", f"{error:g} {unit}", unit, interval)
 
 
-def _brake(file: StageFile) -> Iterator[Problem]:
-    if file.brake.present and not isinstance(file.drive.wire, Canopen):
+def _homing(file: StageFile) -> Iterator[Problem]:
+    """Homing, and the brake: both need a drive that works them."""
+    homing, canopen = file.homing, isinstance(file.drive.wire, Canopen)
+    if file.brake.present and not canopen:
         reason = "a brake is worked by a CANopen drive, or by its outputs"
         yield Problem(reason, _CONFLICT, "brake.control", file.brake.control)
-
-
-def _homing(file: StageFile) -> Iterator[Problem]:
-    homing = file.homing
-    if homing.by_drive and not isinstance(file.drive.wire, Canopen):
+    if homing.by_drive and not canopen:
         yield Problem("only a CANopen drive finds its home itself", _CONFLICT, "homing.method", homing.method)
     if homing.by_drive and homing.number == 0:
         yield Problem("needs homing.number, the drive's method (0x6098)", _CONFLICT, "homing.method", homing.method)
@@ -145,7 +135,7 @@ def _held(file: StageFile) -> Iterator[Problem]:
     if most > friction:
         yield from _damped(file, most - friction)
         return
-    unit = "N" if file.axis.kind == LINEAR else "N m"
+    unit = unit_on(file.axis.kind, "N m | N")
     key = "friction.coulomb" if hasattr(file.friction, "coulomb") else "friction.weight"
     reason = "more than drive.current_limit overcomes, so the axis cannot move"
     yield Problem(reason, _CONFLICT, key, f"{friction:.4g} {unit}", unit, f"[0, {most:.4g})")
@@ -157,7 +147,7 @@ def _damped(file: StageFile, left: float) -> Iterator[Problem]:
     """Damping that takes many times the current at a limits.speed which the travel has room for."""
     viscous, speed = file.mechanics.viscous, file.limits.speed
     if viscous * speed > TOO_DAMPED * left and not never_reached(file):
-        unit = "N s/m" if file.axis.kind == LINEAR else "N m s/rad"
+        unit = unit_on(file.axis.kind, "N m s/rad | N s/m")
         most = TOO_DAMPED * left / speed
         reason = f"takes {viscous * speed / left:.3g} times the force of drive.current_limit at limits.speed"
         yield Problem(reason, _CONFLICT, "mechanics.viscous", f"{viscous:g} {unit}", unit, f"[0, {most:.4g}]")
@@ -166,20 +156,17 @@ def _damped(file: StageFile, left: float) -> Iterator[Problem]:
 def _transmission(file: StageFile) -> Iterator[Problem]:
     p = file.mechanics.transmission
     if (p.load_share > 0.0 or p.backlash > 0.0) and not (p.load_share > 0.0 and p.resonance > 0.0):
-        reason = (
-            "needs load_share and resonance, both above 0: without them motor and load are one body, and there is no "
-            "backlash between them"
-        )
-        yield Problem(reason, _CONFLICT, "mechanics.transmission")
+        reason = "needs load_share and resonance, both above 0"
+        why = "without them motor and load are one body, and there is no backlash between them"
+        yield Problem(f"{reason}: {why}", _CONFLICT, "mechanics.transmission")
 
 
 def _residual(file: StageFile) -> Iterator[Problem]:
     """A rotary axis repeats after a turn; what a linear one repeats over must be given."""
     over = "" if file.residual is None else file.residual.coordinate
     if over == "position_mod_pitch" and file.axis.kind == LINEAR and file.mechanics.pitch == TURN:
-        yield Problem(
-            "needs mechanics.pitch, the travel over which the axis repeats", _CONFLICT, "residual.coordinate", over
-        )
+        reason = "needs mechanics.pitch, the travel over which the axis repeats"
+        yield Problem(reason, _CONFLICT, "residual.coordinate", over)
 
 
 def _friction(file: StageFile) -> Iterator[Problem]:
@@ -229,3 +216,54 @@ def _paired(name: str, block: Any, one: str, other: str) -> Iterator[Problem]:
 def _rises(values: tuple[float, ...], strictly: bool = False) -> bool:
     steps = [after - before for before, after in itertools.pairwise(values)]
     return all(step > 0.0 if strictly else step >= 0.0 for step in steps)
+
+
+def doubtful(file: StageFile) -> str:
+    """What to say of entries that are admissible together, and yet a slip of the unit rather than a machine."""
+    return stops_beyond(file) or never_reached(file)
+
+
+def decelerations(file: StageFile) -> dict[str, float]:
+    """What each of the entries that brake the axis allows (rad/s^2 | m/s^2); the least of them decides."""
+    stated, bias = file.limits.deceleration, abs(file.mechanics.bias)
+    effort = max(file.drive.current_limit * file.motor.force_constant - bias, 0.0)
+    ramp = "drive.wire.quick_stop_deceleration" if isinstance(file.drive.wire, Canopen) else "limits.acceleration"
+    return {
+        **({} if stated is None else {"limits.deceleration": stated}),
+        ramp: file.own_ramp,
+        "mechanics.inertia, motor.force_constant, drive.current_limit": effort / file.mechanics.inertia,
+    }
+
+
+def stops_beyond(file: StageFile) -> str:
+    """What to say of an axis that cannot be stopped within its travel; empty where it can.
+
+    Such an entry is a slip of the unit rather than a machine; where each way to brake is too weak, it is the speed.
+    """
+    (low, high), half, every = file.limits.travel, 0.5 * file.limits.speed**2, decelerations(file)
+    weak = {entry: most for entry, most in every.items() if most * (high - low) < half}
+    if not weak:
+        return ""
+    scale, unit, least = file.axis.travel_per_unit, file.axis.travel_unit, min(weak.values())
+    way = half / least if least > 0.0 else math.inf
+    needed, room = (length(distance * scale, unit) for distance in (way, high - low))
+    named = (
+        entry if "," in entry else f"{entry} = {length(most * scale, f'{unit}/s^2')}" for entry, most in weak.items()
+    )
+    suspects = f"the unit of {', '.join(named)}" if len(weak) < len(every) else "limits.speed and limits.travel"
+    return f"from limits.speed the axis stops within {needed}, and limits.travel is {room}: check {suspects}"
+
+
+def never_reached(file: StageFile) -> str:
+    """What to say of a travel too short for limits.speed: to accelerate and to brake needs more; empty elsewhere."""
+    limits, axis = file.limits, file.axis
+    needed, room = limits.speed**2 / limits.acceleration, limits.travel[1] - limits.travel[0]
+    if needed <= room:
+        return ""
+    speed = length(limits.speed * axis.travel_per_unit, f"{axis.travel_unit}/s")
+    way, travel = (length(each * axis.travel_per_unit, axis.travel_unit) for each in (needed, room))
+    bare = "; a number without a unit is rad at the motor" if axis.kind == ROTARY and axis.lead else ""
+    return (
+        f"limits.speed = {speed} is never reached: to accelerate and to brake takes {way}, and limits.travel is "
+        f"{travel}: check their units{bare}"
+    )

@@ -16,7 +16,7 @@ from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader
 from stagectl.config.machine_file import composed, load_axis
 from stagectl.config.source import entry_of, node_at, placed
-from stagectl.config.stage_blocks import Axis, Residual, StageFile
+from stagectl.config.stage_blocks import Axis, StageFile
 from stagectl.config.stage_checks import conflicts
 from stagectl.config.time_outs import with_time_outs
 from stagectl.config.wire_checks import eds_path
@@ -87,7 +87,10 @@ def load_stage(path: Path, designed: bool = True, text: str | None = None) -> Se
     `text` is the file's content where that is in memory; `path` then only names it and its folder.
     Raises ConfigError with every problem, and DesignError where the loop that the file describes is refused.
     """
-    setup = setup_of(path, _with_eds(load_axis(path, read_stage, text), path), text or "")
+    file: StageFile = load_axis(path, read_stage, text)
+    if isinstance(wire := file.drive.wire, Canopen):  # with the EDS file by the path under which it exists
+        file = file.with_wire(eds=str(eds_path(wire.eds, path)))
+    setup = setup_of(path, file, text or "")
     if designed:
         _design(setup)
     return setup
@@ -152,14 +155,6 @@ def _mistaken(lead: str) -> Problem:
     return problem._replace(admissible=shown, remedy="check the unit; 0 m where there is no lead")
 
 
-def _with_eds(file: StageFile, path: Path) -> StageFile:
-    """With the EDS file by the path under which it exists."""
-    wire = file.drive.wire
-    if not isinstance(wire, Canopen):
-        return file
-    return file.with_wire(eds=str(eds_path(wire.eds, path)))
-
-
 def _design(setup: Setup) -> design.Controller:
     """Design the loop here, before anything moves; an error names the place of the entry that it is about."""
     try:
@@ -171,7 +166,9 @@ def _design(setup: Setup) -> design.Controller:
 
 
 def _assembled(file: StageFile) -> stage.Stage:
-    wire = file.drive.wire
+    wire, table, p = file.drive.wire, effects.NO_TABLE, file.residual
+    if p is not None:
+        table = effects.Table(effects.COORDINATES.index(p.coordinate), p.start, p.step, jit.table(p.values))
     return stage.Stage(
         stage.Drive(
             wire.command_scale if isinstance(wire, Canopen) else 0.0,
@@ -184,12 +181,5 @@ def _assembled(file: StageFile) -> stage.Stage:
         file.mechanics,
         friction_of(file.friction),
         stage.Encoder(file.encoder.one_count, *(getattr(file.encoder, name) for name in stage.Encoder._fields[1:])),
-        _table(file.residual),
+        table,
     )
-
-
-def _table(p: Residual | None) -> effects.Table:
-    """The residual as the plant takes it."""
-    if p is None:
-        return effects.NO_TABLE
-    return effects.Table(effects.COORDINATES.index(p.coordinate), p.start, p.step, jit.table(p.values))

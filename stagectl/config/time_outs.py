@@ -11,14 +11,8 @@ from collections.abc import Iterator
 
 from stagectl.config.friction_laws import friction_of
 from stagectl.config.stage_blocks import StageFile
+from stagectl.drives import limits
 from stagectl.drives.drive import Canopen
-from stagectl.drives.limits import (
-    ANSWER_PERIODS,
-    FREE_SHARE,
-    LONGEST_TIMEOUT,
-    SHORTEST_TIMEOUT,
-    TIMEOUT_PERIODS,
-)
 from stagectl.drives.run_on import AxisLimits, RunOn
 from stagectl.kernels.stage import sliding
 from stagectl.number_format import length
@@ -53,7 +47,7 @@ def free_distance(file: StageFile) -> float:
     if file.limits.free_distance is not None:
         return file.limits.free_distance
     low, high = file.limits.travel
-    return min(FREE_SHARE * (high - low), axis_limits(file).braking.distance(0.0))
+    return min(limits.FREE_SHARE * (high - low), axis_limits(file).braking.distance(0.0))
 
 
 def with_time_outs(file: StageFile) -> StageFile:
@@ -64,7 +58,7 @@ def with_time_outs(file: StageFile) -> StageFile:
     if math.isnan(wire.rpdo_timeout):
         file = file.with_wire(rpdo_timeout=_derived(file))
     if math.isnan(wire.feedback_timeout):
-        file = file.with_wire(feedback_timeout=ANSWER_PERIODS * file.control.period)
+        file = file.with_wire(feedback_timeout=limits.ANSWER_PERIODS * file.control.period)
     return file
 
 
@@ -89,6 +83,6 @@ def noticed_after(wire: Canopen) -> float:
 
 def _derived(file: StageFile) -> float:
     """In whole milliseconds, as the drive counts; never shorter than what bus and computer keep."""
-    wanted = min(axis_limits(file).braking.longest(free_distance(file)), LONGEST_TIMEOUT)
-    shortest = max(TIMEOUT_PERIODS * file.control.period, SHORTEST_TIMEOUT)
+    wanted = min(axis_limits(file).braking.longest(free_distance(file)), limits.LONGEST_TIMEOUT)
+    shortest = max(limits.TIMEOUT_PERIODS * file.control.period, limits.SHORTEST_TIMEOUT)
     return max(math.floor(wanted * 1e3), math.ceil(shortest * 1e3)) * 1e-3

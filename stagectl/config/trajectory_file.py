@@ -52,6 +52,7 @@ def axis_of(setup: Setup) -> Axis:
     return Axis(lengths, setup.stage.encoder.step * axis.travel_per_unit)
 
 
+Row = tuple[int, list[str]]  # of a CSV file: its line, from 1, and its cells
 Tables = Mapping[str, str]  # text of the CSV files that a trajectory names
 
 
@@ -119,9 +120,9 @@ def _resolved(entry: Any, source: _Source, place: str) -> Any:
 
 def _recorded(entry: Csv, source: _Source, place: str) -> trajectories.Recorded:
     path = source.path.parent / entry.file
-    header, *rows = _table(path, _table_text(entry, source, place))
+    (_, header), *rows = _table(path, _table_text(entry, source, place))
     try:
-        columns = trajectories.columns(header.cells)
+        columns = trajectories.columns(header)
     except trajectories.TrajectoryError as error:
         raise ConfigError(*(problem._replace(file=path, line=1) for problem in error.problems)) from error
     scale = _scale(columns.unit, source.axis, path)
@@ -166,9 +167,10 @@ def _files(node: yaml.Node) -> Iterator[yaml.ScalarNode]:
 
 def _sample(row: Row, columns: trajectories.Columns, path: Path) -> tuple[float, float]:
     """Time (s) and position in the file's unit."""
-    cells = [row.cells[j].strip() if j < len(row.cells) else "" for j in (columns.time, columns.position)]
+    line, filled = row
+    cells = [filled[j].strip() if j < len(filled) else "" for j in (columns.time, columns.position)]
     if not all(map(_NUMBER.fullmatch, cells)):
-        raise malformed(path, f"a row must hold numbers for time and position, not {cells}", row.line)
+        raise malformed(path, f"a row must hold numbers for time and position, not {cells}", line)
     return float(cells[0]), float(cells[1])
 
 
@@ -185,17 +187,10 @@ def _part(part: tuple[float, float] | None, times: list[float], path: Path) -> s
     return slice(inside[0], inside[-1] + 1)
 
 
-class Row(NamedTuple):
-    """One row of a CSV file that is not empty."""
-
-    line: int  # from 1
-    cells: list[str]
-
-
 def _table(path: Path, text: str) -> list[Row]:
     """The header and all other rows."""
     try:
-        rows = [Row(line, cells) for line, cells in enumerate(csv.reader(text.splitlines()), 1) if cells]
+        rows = [(line, cells) for line, cells in enumerate(csv.reader(text.splitlines()), 1) if cells]
     except csv.Error as error:
         raise malformed(path, f"not CSV text: {error}") from error
     if not rows:

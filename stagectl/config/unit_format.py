@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from collections.abc import Sequence
@@ -95,12 +96,9 @@ def _digits(value: float, scale: float) -> int:
     That one must be read back as it was given.  A computed value is long in SI, too, and its last digits tell nothing.
     """
     short, all_of_them = float(f"{value:.{WRITTEN_DIGITS}g}") == value, 17
-    exact = (digits for digits in range(WRITTEN_DIGITS, all_of_them) if _reads_back(value, scale, digits))
+    several = range(WRITTEN_DIGITS, all_of_them)
+    exact = (digits for digits in several if float(f"{value / scale:.{digits}g}") * scale == value)
     return next(exact, all_of_them) if short else WRITTEN_DIGITS
-
-
-def _reads_back(value: float, scale: float, digits: int) -> bool:
-    return float(f"{value / scale:.{digits}g}") * scale == value
 
 
 def _chosen(size: float, unit: str, lengths: Lengths, like: str) -> tuple[str, float]:
@@ -121,12 +119,8 @@ def _unit_of(text: str, unit: str, lengths: Lengths) -> tuple[str, float] | None
     match = re.fullmatch(r"[^A-Za-zµμ°Ω%‰/]*?(?:[eE][+-]?[0-9]+)?\s+([^0-9].*)", text.strip())
     if unit == "" or match is None:
         return None
-    name = match[1].strip().rstrip("]").strip()
-    try:
-        return name, factor(name, unit)
-    except UnitError:
-        through = lengths.angle_per_length(unit)
-    try:
-        return (name, factor(name, unit.replace("rad", "m", 1)) * through) if through else None
-    except UnitError:
-        return None
+    name, through = match[1].strip().rstrip("]").strip(), lengths.angle_per_length(unit)
+    for family, scale in ((unit, 1.0), *([(unit.replace("rad", "m", 1), through)] if through else [])):
+        with contextlib.suppress(UnitError):
+            return name, factor(name, family) * scale
+    return None

@@ -9,8 +9,7 @@ from pathlib import Path
 from stagectl.config.bounds import DELAY_LINE, FIRST_OBJECT, LAST_OBJECT, PER_MILLE, SAME_SCALE, SLCAN_BAUD
 from stagectl.config.stage_blocks import StageFile
 from stagectl.drives import cycle_time
-from stagectl.drives.drive import Canopen, Odrive
-from stagectl.drives.socketcand import offered
+from stagectl.drives.drive import Canopen, Odrive, offered
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
 

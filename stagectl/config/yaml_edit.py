@@ -137,7 +137,8 @@ def without_entry(text: str, root: yaml.Node, name: str) -> str:
     label = f"{word} {text[place.begin : place.end]}" if isinstance(node, yaml.ScalarNode) else word
     kept = [_kept(line, column(text, place.key), label) for line in text[begin:end].splitlines()]
     lines = "\n".join(line for line in kept if line)
-    return text[:begin] + own_breaks(lines, text) + text[end if lines else _next_line(text, end) :]
+    break_ = 2 if text.startswith("\r\n", end) else min(1, len(text) - end)
+    return text[:begin] + own_breaks(lines, text) + text[end if lines else end + break_ :]
 
 
 def _kept(line: str, indent: int, label: str) -> str:
@@ -176,7 +177,3 @@ def _line_end(text: str, at: int) -> int:
     """Where the line of character `at` ends, before its break."""
     end = text.find("\n", at)
     return len(text) if end < 0 else end - (text[end - 1] == "\r")
-
-
-def _next_line(text: str, end: int) -> int:
-    return end + (2 if text.startswith("\r\n", end) else min(1, len(text) - end))

@@ -22,36 +22,18 @@ from stagectl.design.control import (
     slower,
     speed,
 )
-from stagectl.design.margins import Margins, Rational, compensator, limit_cycle_frequency, margins, plant, with_observer
+from stagectl.design.margins import (
+    Margins,
+    Rational,
+    compensator,
+    limit_cycle_frequency,
+    margins,
+    plant,
+    settles,
+    with_observer,
+)
 from stagectl.kernels import feedback, feedforward, law, observer, stage, unloading
 from stagectl.problem import Problem, ProblemKind
-
-__all__ = [
-    "CascadeControl",
-    "Control",
-    "Controller",
-    "DesignError",
-    "Feedback",
-    "Layer",
-    "Margins",
-    "Rational",
-    "Settings",
-    "cascaded",
-    "compensator",
-    "design",
-    "designed_feedback",
-    "designed_observer",
-    "gains",
-    "law_of",
-    "limit_cycle_frequency",
-    "limit_cycle_warning",
-    "loop_parts",
-    "margins",
-    "observer_bandwidth",
-    "plant",
-    "speed",
-    "with_observer",
-]
 
 
 class Controller(NamedTuple):

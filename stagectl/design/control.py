@@ -103,8 +103,8 @@ def gains(p: stage.Stage, control: Control) -> feedback.Gains:
         designed = feedback.place_poles(p.mechanics, p.motor.force_constant, control.bandwidth)
     if not all(math.isfinite(gain) for gain in designed):
         raise incomputable(p)
-    if min(designed) <= 0.0:
-        least = p.mechanics.viscous / p.mechanics.inertia / (8.0 * math.pi)
+    if min(designed.proportional, designed.pole) <= 0.0:  # Kd, as (D/J - 3 p)^4, is below 0 by rounding alone
+        least = p.mechanics.viscous / p.mechanics.inertia / (7.5 * math.pi)
         gains_needed = ", ".join(f"{name} {value:.4g}" for name, value in designed._asdict().items())
         reason = f"is too low for this axis, as a gain would be negative ({gains_needed})"
         problem = Problem(reason, ProblemKind.LOOP, "control.bandwidth", f"{control.bandwidth:g} Hz", "Hz")

@@ -1,7 +1,12 @@
 """The loop as it runs, and how far it is from instability.
 
-Tustin's PID or the cascade at the control period, the plant under zero-order hold with its current loop, nd + nm
-whole periods of delay, and the disturbance observer where there is one.
+Tustin's PID or the cascade at the control period, the plant under zero-order hold with its current loop, its load
+behind a spring and its base on feet, nd + nm whole periods of delay, and the disturbance observer where there is one.
+
+Transfer functions are polynomials in ``w = z - 1``.  The poles of a slow loop all lie near z = 1: in powers of z they
+are differences of numbers that agree to all their digits, in powers of w they are not.
+
+Source: R. H. Middleton, G. C. Goodwin, IEEE Trans. Automatic Control 31(11), 1986 (delta operator).
 """
 
 from __future__ import annotations
@@ -14,7 +19,8 @@ from numpy.typing import NDArray
 
 from stagectl.design.constants import FREQUENCIES, LOWEST, SHORTEST_LAG
 from stagectl.design.control import Feedback, computable
-from stagectl.kernels import cascade, feedback, observer, stage
+from stagectl.kernels import cascade, feedback, observer, stage, transmission
+from stagectl.kernels.constants import FIRST_ORDER
 
 
 class Margins(NamedTuple):
@@ -32,21 +38,18 @@ def margins(p: stage.Stage, designed: Feedback, dt: float, watching: observer.Ob
 
     Raises DesignError where the stage's numbers are too extreme to compute with.
     """
-    with computable(p):
-        return _margins(p, with_observer(compensator(designed, dt), watching), dt)
-
-
-def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
     frequency = np.geomspace(LOWEST / dt, 0.5 / dt, FREQUENCIES)
-    moved, z = plant(p, dt), np.exp(2j * np.pi * frequency * dt)
-    loop = moved.at(z) * controller.at(z)
-    phase = np.unwrap(np.angle(loop))
-    phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
-    stable = bool(np.max(np.abs(_poles(moved, controller))) < 1.0)
-    crossover, margin = _phase_margin(frequency, np.log(np.abs(loop)), phase)
-    gain = _gain_margin(np.abs(loop), phase)
-    delay = margin / (2.0 * np.pi * crossover) if crossover > 0.0 else math.inf
-    return Margins(margin, gain, crossover, delay, stable)
+    with computable(p):
+        moved, controller = plant(p, dt), with_observer(compensator(designed, dt), watching)
+        z = np.exp(2j * np.pi * frequency * dt)
+        loop = moved.at(z) * controller.at(z)
+        phase = np.unwrap(np.angle(loop))
+        phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
+        stable = settles(_characteristic(moved, controller))
+        crossover, margin = _phase_margin(frequency, np.log(np.abs(loop)), phase)
+        gain = _gain_margin(np.abs(loop), phase)
+        delay = margin / (2.0 * np.pi * crossover) if crossover > 0.0 else math.inf
+        return Margins(margin, gain, crossover, delay, stable)
 
 
 def limit_cycle_frequency(
@@ -60,34 +63,65 @@ def limit_cycle_frequency(
     (tests/test_rest.py).
     """
     with computable(p):
-        poles = _poles(_plant(p, dt, held=True), with_observer(compensator(designed, dt), watching))
+        controller = with_observer(compensator(designed, dt), watching)
+        poles = 1.0 + np.roots(_characteristic(plant(p, dt, held=True), controller))
     worst = poles[np.argmax(np.abs(poles))]
     return float(abs(np.angle(worst))) / (2.0 * np.pi * dt) if abs(worst) >= 1.0 else None
 
 
-def _sampled(p: stage.Stage, dt: float, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Plant with current loop, (position, velocity, current), sampled under zero-order hold; `held`: by friction."""
-    lag = max(p.drive.current_lag, SHORTEST_LAG)
+def _rates(p: stage.Stage, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rate of the plant's state, (position, velocity, ..., current), by the state (n, n), and by the command (n,).
+
+    `held`: by friction.  Load and base are in it, as `kernels.transmission` moves them, without the load's gap.
+    """
+    x, v, bend, bending, foot, recoiling, current, rate = np.eye(8)
+    c, m = transmission.coefficients(p.mechanics, 0.0, 1.0), p.mechanics
     spring, damping = (stage.stiffness(p.friction), p.friction.bristle.damping) if held else (0.0, 0.0)
-    rates = -np.array([spring, p.mechanics.viscous + damping, -p.motor.force_constant]) / p.mechanics.inertia
-    a = np.array([[0, 1, 0], rates, [0, 0, -1 / lag]])
-    whole: NDArray[np.float64] = np.zeros((4, 4))
-    whole[:3, :3], whole[2, 3] = a, 1 / lag
+    rubbing = spring * (x + c.share * bend) + (m.viscous + damping) * (v + c.share * bending)
+    carried, mu = -c.spring * bend - c.damper * bending, c.base[0]
+    motor = (p.motor.force_constant * current - carried - (1.0 - c.share) * rubbing) / c.motor
+    load = (carried - c.share * rubbing) / c.load if c.load > 0.0 else motor
+    recoil = -mu * (c.motor * motor + c.load * load) / m.inertia - c.base[1] * foot - c.base[2] * recoiling
+    by_current, by_command = _current_loop(p.drive, current, rate)
+    rates = np.stack([v, motor - recoil, bending, load - motor, recoiling, recoil, *by_current])
+    loaded, second = c.load > 0.0, p.drive.current_damping < FIRST_ORDER
+    there = np.flatnonzero([True, True, loaded, loaded, mu > 0.0, mu > 0.0, True, second])
+    return rates[np.ix_(there, there)], (1.0 + p.drive.gain) * by_command[there]
+
+
+def _current_loop(p: stage.Drive, current: NDArray[Any], rate: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Rates of the current and of its rate, (2, 8) by the state and (8,) by the command, from their own two rows."""
+    lag = max(p.current_lag, SHORTEST_LAG)
+    if p.current_damping >= FIRST_ORDER:
+        return np.stack([-current / lag, 0.0 * rate]), current / lag
+    stiffness = (2.0 * p.current_damping / lag) ** 2
+    return np.stack([rate, -stiffness * (current + lag * rate)]), stiffness * rate
+
+
+def _sampled(p: stage.Stage, dt: float, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Change of the plant's state in a period under zero-order hold, by the state (n, n) and by the command (n,).
+
+    As ``A dt phi(A dt)`` with ``phi(x) = (exp(x) - 1) / x``: no digit is lost in a short period.
+    """
+    by_state, by_command = _rates(p, held)
+    n = len(by_command)
+    a = np.zeros((n + 1, n + 1))
+    a[:n, :n], a[:n, n] = dt * by_state, dt * by_command
     from scipy.linalg import expm  # of a quarter of a second, which a command that designs nothing need not wait for
 
-    stepped = expm(whole * dt)
-    return stepped[:3, :3], stepped[:3, 3]
+    change = a @ expm(np.block([[a, np.eye(n + 1)], [np.zeros((n + 1, 2 * n + 2))]]))[: n + 1, n + 1 :]
+    return change[:n, :n], change[:n, n]
 
 
 class Rational(NamedTuple):
-    """A transfer function in z: coefficients, highest power first."""
+    """A transfer function in ``w = z - 1``: coefficients, highest power first."""
 
     numerator: NDArray[np.floating[Any]]
     denominator: NDArray[np.floating[Any]]
 
     def at(self, z: NDArray[Any]) -> NDArray[Any]:
         """Its values at `z` (n,)."""
-        values: NDArray[Any] = np.polyval(self.numerator, z) / np.polyval(self.denominator, z)
+        values: NDArray[Any] = np.polyval(self.numerator, z - 1.0) / np.polyval(self.denominator, z - 1.0)
         return values
 
 
@@ -102,65 +136,78 @@ def with_observer(controller: Rational, p: observer.Observer) -> Rational:
     """The controller together with a disturbance observer: ``(C + M) / (1 + U)``, see `observer.transfer`."""
     if not p.active:
         return controller
-    poles, late = np.poly([p.pole] * 3), np.append(1.0, np.zeros(p.delay + 1))
-    measured = p.disturbance * np.poly([0.0, 1.0, p.a22])
-    current = -p.disturbance * np.polymul([p.b1, p.a12 * p.b2 - p.b1 * p.a22, 0.0], [p.share, 1.0 - p.share])
+    poles, late = np.poly([p.pole - 1.0] * 3), _power(p.delay + 1)
+    measured = p.disturbance * np.poly([-1.0, 0.0, p.a22 - 1.0])
+    moved = np.polymul([p.b1, p.a12 * p.b2 + p.b1 * (1.0 - p.a22)], [p.share, 1.0])
+    current = -p.disturbance * np.polymul(moved, _power(1))
     numerator = np.polyadd(np.polymul(controller.numerator, poles), np.polymul(controller.denominator, measured))
     denominator = np.polymul(controller.denominator, np.polyadd(np.polymul(poles, late), current))
     return Rational(np.polymul(numerator, late), denominator)
 
 
+def _power(exponent: int) -> NDArray[np.float64]:
+    """``z^exponent`` in powers of w."""
+    return np.asarray(np.poly([-1.0] * exponent), dtype=np.float64)
+
+
 def _pid(p: feedback.Pid) -> Rational:
-    integrator, filtered = np.array([1.0, -1.0]), np.array([1.0, -p.decay])
+    integrator, filtered = np.array([1.0, 0.0]), np.array([1.0, 1.0 - p.decay])
     numerator = np.polyadd(
         p.proportional * np.polymul(integrator, filtered),
-        np.polyadd(p.integral * np.polymul([1.0, 1.0], filtered), p.derivative * np.polymul(integrator, integrator)),
+        np.polyadd(p.integral * np.polymul([1.0, 2.0], filtered), p.derivative * np.polymul(integrator, integrator)),
     )
     return Rational(numerator, np.polymul(integrator, filtered))
 
 
 def _cascade(p: cascade.Cascade) -> Rational:
     """``(Kp + (1 - z^-span)/(span Ts)) (Kv + I (z + 1)/(z - 1)) (1 - c) z/(z - c)``, over z^span."""
-    last = np.zeros(p.span + 1)
-    last[0] = 1.0
-    difference = (last - last[::-1]) / (p.span * p.dt)
-    outer = p.position * last + difference
-    inner, integrator = np.array([p.velocity + p.integral, p.integral - p.velocity]), np.array([1.0, -1.0])
+    last = _power(p.span)
+    outer = p.position * last + np.append(last[:-1], 0.0) / (p.span * p.dt)
+    inner, integrator = np.array([p.velocity + p.integral, 2.0 * p.integral]), np.array([1.0, 0.0])
     if p.integral == 0.0:  # no integrator: a pole and a zero at z = 1 would look like a pole that is not stable
         inner, integrator = np.array([p.velocity]), np.ones(1)
-    numerator = np.polymul(np.polymul(outer, inner), [1.0 - p.retained, 0.0])
-    return Rational(numerator, np.polymul(np.polymul(last, integrator), [1.0, -p.retained]))
+    numerator = np.polymul(np.polymul(outer, inner), (1.0 - p.retained) * _power(1))
+    return Rational(numerator, np.polymul(np.polymul(last, integrator), [1.0, 1.0 - p.retained]))
 
 
-def plant(p: stage.Stage, dt: float) -> Rational:
-    """From the command to the measured position: zero-order hold, current loop, inertia, nd + nm periods, dead time."""
-    return _plant(p, dt, held=False)
+def plant(p: stage.Stage, dt: float, held: bool = False) -> Rational:
+    """From the command to the measured position: zero-order hold, current loop, inertia, nd + nm periods, dead time.
 
-
-def _plant(p: stage.Stage, dt: float, held: bool) -> Rational:
-    a, b = _sampled(p, dt, held)
-    denominator = np.poly(a)
+    `held`: while friction holds the axis.
+    """
+    change, by_command = _sampled(p, dt, held)
     whole, part = divmod(p.drive.dead_time, dt)
-    states = [b, a @ b, a @ a @ b] if part == 0.0 else _within_a_period(a, b, _sampled(p, dt - part, held)[1])
-    order = len(states)
-    numerator = np.convolve([float(x[0]) for x in states], denominator)[:order]
-    delays = np.zeros(order - 2 + p.drive.delay_samples + int(whole) + p.encoder.delay_samples)
-    delays[0] = 1.0
-    return Rational(numerator, np.polymul(denominator, delays))
+    if part > 0.0:
+        change, by_command = _within_a_period(change, by_command, _sampled(p, dt - part, held)[1])
+    denominator, state, answers = np.poly(change), by_command, []
+    for _ in by_command:
+        answers.append(float(state[0]))
+        state = change @ state
+    numerator = np.convolve(answers, denominator)[: len(answers)]
+    late = _power(p.drive.delay_samples + int(whole) + p.encoder.delay_samples)
+    return Rational(numerator, np.polymul(denominator, late))
 
 
-def _within_a_period(a: NDArray[Any], b: NDArray[Any], begun: NDArray[Any]) -> list[NDArray[Any]]:
-    """States after 1 to 4 periods of a command that acts from within a period on, in whose rest it does `begun`."""
-    states = [begun, a @ begun + (b - begun)]
-    for _ in range(2):
-        states.append(a @ states[-1])
-    return states
+def _within_a_period(change: NDArray[Any], whole: NDArray[Any], begun: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """A command that does `begun` in the rest of the period in which it comes, and what is left in the next one.
+
+    Until then it is one more state.
+    """
+    left = np.append(whole - begun, -1.0)
+    return np.column_stack([np.vstack([change, np.zeros(len(change))]), left]), np.append(begun, 1.0)
 
 
-def _poles(moved: Rational, controller: Rational) -> NDArray[Any]:
-    """Of the closed loop."""
+def _characteristic(moved: Rational, controller: Rational) -> NDArray[Any]:
+    """Polynomial in w whose roots are the poles of the closed loop."""
     ways = np.polymul(moved.numerator, controller.numerator)
-    return np.roots(np.polyadd(np.polymul(moved.denominator, controller.denominator), ways))
+    polynomial: NDArray[Any] = np.polyadd(np.polymul(moved.denominator, controller.denominator), ways)
+    return polynomial
+
+
+def settles(characteristic: NDArray[Any]) -> bool:
+    """Whether all roots w of a closed loop's polynomial are stable, ``|1 + w| < 1``; to the digits of a small w."""
+    roots = np.roots(characteristic)
+    return bool(np.all(2.0 * roots.real + np.abs(roots) ** 2 < 0.0))
 
 
 def _phase_margin(frequency: NDArray[Any], level: NDArray[Any], phase: NDArray[Any]) -> tuple[float, float]:

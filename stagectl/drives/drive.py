@@ -206,6 +206,23 @@ class Canopen(NamedTuple):
     start_up: Annotated[tuple[StartUp, ...], "further objects that are written at each set-up"] = ()
 
 
+class Offered(NamedTuple):
+    """A CAN interface that socketcand offers on another computer: its name there, and where the server is."""
+
+    channel: str
+    host: str
+    port: int
+
+
+def offered(text: str) -> Offered | None:
+    """What a channel such as ``can0@192.168.1.2:29536`` names; None where it is none of this kind."""
+    channel, _, address = text.partition("@")
+    host, _, port = address.rpartition(":")
+    if not (channel and host and port.isascii() and port.isdigit() and 0 < int(port) <= 65535):
+        return None
+    return Offered(channel, host, int(port))
+
+
 def accepted(wire: Canopen) -> list[str]:
     """What the drive lacks for safety and the stage file accepts, each with its consequence; said at every start."""
     return [f"accepted by the stage file: {name}: {ACCEPTED[name]}" for name in wire.accept]

@@ -22,8 +22,6 @@ Share = Annotated[float, Quantity("", "(0, 1]", "share of the frames that it hit
 Delay = Annotated[float, Quantity("s", "(0, 1]", "how much later")]
 Code = Annotated[int, Quantity("", "[256, 65535]", "emergency error code (CiA 301, CiA 402)")]
 Factor = Annotated[float, Quantity("", "[-100, 100]", "actual value for one unit of the true value")]
-
-
 Jump = Annotated[int, Quantity("", "[-1e9, 1e9]", "encoder counts of one jump")]
 Pause = Annotated[float, Quantity("s", "[0, 1e3]", "time between two jumps or messages; 0 s: one only")]
 Rate = Annotated[float, Quantity("", "[0.5, 2]", "seconds of the drive's clock in one second")]
@@ -80,9 +78,7 @@ _ERROR = Fault.FOLLOWING_ERROR
 _SILENT = Reaction(1, ("feedback",), reasons=(_LOST,))
 _SEEN = Reaction(1, ("error",), "either", "coast")
 _GOES_ON = Reaction(None, (), "go on")
-_JUMPS = Reaction(
-    0, brakes="coast", reasons=(Fault.JUMP,)
-)  # an encoder that lies must not be braked by: `realtime.stops`
+_JUMPS = Reaction(0, brakes="coast", reasons=(Fault.JUMP,))  # not braked by an encoder that lies: `realtime.stops`
 
 # Where a row admits that the axis coasts although its category is 1, the drive cannot brake: its own ramp is closed
 # over the encoder or the current that has failed, or a bent controlword has taken its power away before anybody asked.

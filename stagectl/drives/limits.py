@@ -14,7 +14,9 @@ REPEAT_COMMAND_CYCLES = 8  # cycles; chosen; a drive still in operation after th
 RESET_HOLD = 0.3  # s; chosen; bit 7 stays so long at most: drives were met that want 50 ms of it, and that poll slowly
 RESET_PAUSE = 0.1  # s; chosen; between two edges of bit 7
 RESET_EDGES = 3  # edges; chosen; a fault that survives them has a cause that is still there
+RESET_TIME = RESET_EDGES * (RESET_HOLD + RESET_PAUSE)  # s; all of them
 TORQUE_TIME = 0.01  # s; chosen; from Operation enabled to the release of a brake: the current must be there
+BRAKE_REPEAT_CYCLES = 20  # cycles; chosen; between two orders to a brake that engages, by SDO: a cycle may lack room
 CERTAIN_FAULT_CYCLES = 3  # cycles; chosen; state Fault lasts so long before power is given up
 STANDSTILL_CYCLES = 100  # cycles; chosen; without motion for so long, the axis stands still
 STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which an axis counts as standing
@@ -24,9 +26,7 @@ YOUNG_HEARTBEAT = 1.0  # s; chosen; a drive heard so lately, after its last answ
 OLD_ANSWERS = 3  # answers; SYNC n shows n - 1, and some drives n - 2: so many may precede an order, and one is spare
 
 # A drive under power (canopen/operation_watch.py)
-LEARNING_TIME = (
-    0.5  # s; chosen; from Operation enabled on, in which a drive shows statusword bits 9 and 12 if it ever does
-)
+LEARNING_TIME = 0.5  # s; chosen; from Operation enabled on: a drive shows statusword bits 9 and 12 in it, or never
 STATUS_BIT_TIME = 0.005  # s; chosen; a demanded bit may be missing so long, and for CERTAIN_CYCLES
 MODE_PERIOD = 0.1  # s; chosen; between two questions for 0x6061, by SDO: 0.1 % of a bus of 1 Mbit/s
 WRONG_MODES = 2  # answers; chosen; that show another mode, one after the other
@@ -48,10 +48,7 @@ FROZEN_QUANTA = 4.0  # counts of the measured current; chosen; a smaller change 
 
 # Whether the drive's own ramp brakes (canopen/braking_monitor.py)
 SPEED_WINDOW = 9  # samples; chosen; the median of their steps survives a jump and a corrupted frame
-FASTER_FACTOR, FASTER_SLACK = (
-    1.5,
-    5e-3,
-)  # 1 and s of the ramp; chosen; above factor x speed + slack x ramp: faster
+FASTER_FACTOR, FASTER_SLACK = 1.5, 5e-3  # 1 and s of the ramp; chosen; above factor x speed + slack x ramp: faster
 LONGER_FACTOR, SETTLING_TIME = 1.5, 0.06  # 1 and s; chosen; after factor x ramp time + settling half the speed is gone,
 CREEP = 5e-4  # s of the ramp; chosen; or no more than this is left, which is what noise looks like
 CERTAIN_CYCLES = 3  # cycles; chosen; an observation must last so long: one corrupted frame proves nothing

@@ -30,7 +30,7 @@ from stagectl.drives.limits import LARGEST_TORQUE, LONGEST_NOISE, STATE_CYCLES
 
 IDLE, CLOSED_LOOP, TORQUE_CONTROL, PASSTHROUGH = 1, 8, 1, 1  # of the ODrive's own enumerations
 WATCHDOG_EXPIRED = 0x0100_0000  # of its active errors: nobody has fed the watchdog
-_TURN = 2.0 * math.pi
+TURN = 2.0 * math.pi
 
 
 def open_odrive(settings: Odrive, dt: float, clock: Clock = WALL) -> OdriveDrive:
@@ -138,7 +138,7 @@ class OdriveDrive:
             return self._noted(self._last._replace(fault=Fault.FEEDBACK_LOST))
         enabled = self._state == CLOSED_LOOP
         word = (DriveState.OPERATION_ENABLED if enabled else DriveState.SWITCH_ON_DISABLED).value[1]
-        return self._noted(Feedback(turns * _TURN, math.nan, word, Fault.NONE if enabled else Fault.DRIVE_FAULT))
+        return self._noted(Feedback(turns * TURN, math.nan, word, Fault.NONE if enabled else Fault.DRIVE_FAULT))
 
     def apply(self, current: float) -> None:
         """Send the torque of `current` (A); never raises."""

@@ -100,10 +100,7 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     library = candidates_of(evidence, size, options)
     timer.begin(Step.SEARCH)
     functions = unknown.functions(evidence, size, library)
-    library = library._replace(
-        predicted=lambda e, now: unknown.predicted(e, now, functions),
-        ordered=lambda e, now: unknown.ordered(e, now, functions),
-    )
+    library = library._replace(predict=lambda e, now: unknown.predicted(e, now, functions))
     selected = select.select(evidence, library, progress)
     selected = value_errors.borne_out(evidence, library, selected, functions, progress)
     selected = selected._replace(fitted=cable_centre.centred(evidence, selected.fitted))

@@ -72,13 +72,12 @@ class IdentificationError(StageError):
 
     def within(self, place: object) -> Self:
         """The same error with the place where it was found in front of the message."""
+        return self.saying(f"{place}: {self}", self.capture or str(place))
+
+    def saying(self, message: str, capture: str) -> Self:
+        """The same refusal in other words."""
         return type(self)(
-            f"{place}: {self}",
-            self.reason,
-            capture=self.capture or str(place),
-            value=self.value,
-            unit=self.unit,
-            admissible=self.admissible,
+            message, self.reason, capture=capture, value=self.value, unit=self.unit, admissible=self.admissible
         )
 
 
@@ -126,15 +125,7 @@ def accepted(captures: Iterable[Capture], treat: Callable[[Capture], Treated]) -
     if not results and not refused:
         raise IdentificationError("no capture to identify from; give at least one", Refusal.NO_CAPTURE)
     if not results:
-        first = refused[0]
-        raise IdentificationError(
-            "\n".join(map(str, refused)),
-            first.reason,
-            capture=first.capture,
-            value=first.value,
-            unit=first.unit,
-            admissible=first.admissible,
-        )
+        raise refused[0].saying("\n".join(map(str, refused)), refused[0].capture)
     return results, [Note(Topic.LEFT_OUT, f"left out: {error}") for error in refused]
 
 
@@ -145,21 +136,16 @@ def check_excited(capture: Capture) -> None:
     """
     unit = {ROTARY: "rad", LINEAR: "m"}.get(capture.meta.get("axis", {}).get("kind"), "rad | m")
     if not np.ptp(capture.current) > thresholds.LEAST_EXCITATION:
-        raise IdentificationError(
+        text = (
             f"the {capture.current_column} is {capture.current[0]:g} A throughout. Without an "
-            "excitation there is no response: command a current_sine or current_multisine, or inject a current",
-            Refusal.CONSTANT_CURRENT,
-            value=float(capture.current[0]),
-            unit="A",
+            "excitation there is no response: command a current_sine or current_multisine, or inject a current"
         )
+        raise IdentificationError(text, Refusal.CONSTANT_CURRENT, value=float(capture.current[0]), unit="A")
     travel, least = float(np.ptp(capture.position)), thresholds.LEAST_ENCODER_STEPS * capture.encoder_step
     if not travel > least:
-        raise IdentificationError(
+        text = (
             f"the position moves by {travel:g} {unit} in all; must be more than "
             f"{thresholds.LEAST_ENCODER_STEPS:g} encoder steps of {capture.encoder_step:g} {unit}: raise the "
-            "amplitude, or check that the drive was enabled",
-            Refusal.AT_REST,
-            value=travel,
-            unit=unit,
-            admissible=f"({least:g}, inf)",
+            "amplitude, or check that the drive was enabled"
         )
+        raise IdentificationError(text, Refusal.AT_REST, value=travel, unit=unit, admissible=f"({least:g}, inf)")

@@ -24,7 +24,7 @@ from stagectl.number_format import duration, length
 from stagectl.recording import wrong_units
 from stagectl.recording.clipping import clipped
 from stagectl.recording.scales import Scales
-from stagectl.units import LINEAR
+from stagectl.units import unit_on
 
 
 def suspicions(capture: Capture, setup: Setup) -> list[Note]:
@@ -33,22 +33,18 @@ def suspicions(capture: Capture, setup: Setup) -> list[Note]:
         return [Note(Topic.UNITS, words)]
     if float(np.ptp(capture.position)) <= thresholds.MOVED_STEPS * capture.encoder_step:
         span = float(np.ptp(capture.position))
-        unit = "m" if setup.file.axis.kind == LINEAR else "rad"
-        return [
-            Note(
-                Topic.AT_REST,
-                f"the axis did not move: its positions span {span:.3g} {unit}, the encoder's step is "
-                f"{capture.encoder_step:.3g} {unit}; record a motion",
-            )
-        ]
+        unit = unit_on(setup.file.axis.kind, "rad | m")
+        text = (
+            f"the axis did not move: its positions span {span:.3g} {unit}, the encoder's step is "
+            f"{capture.encoder_step:.3g} {unit}; record a motion"
+        )
+        return [Note(Topic.AT_REST, text)]
     if float(np.ptp(capture.current)) == 0.0:
-        return [
-            Note(
-                Topic.CONSTANT_CURRENT,
-                f"{capture.current_column} is {capture.current[0]:g} A throughout, so it drove no motion; choose "
-                "another column with --current, or record the current",
-            )
-        ]
+        text = (
+            f"{capture.current_column} is {capture.current[0]:g} A throughout, so it drove no motion; choose "
+            "another column with --current, or record the current"
+        )
+        return [Note(Topic.CONSTANT_CURRENT, text)]
     motion = wrong_units.motion(capture.position, capture.current, capture.dt)
     doubts = [*_beyond_limits(capture, motion, setup), *_flat(capture, setup), *_frozen(capture, setup)]
     doubts += _swapped(capture)
@@ -65,15 +61,12 @@ def remarks(capture: Capture, scales: Scales) -> list[Note]:
     step, coarse = capture.encoder_step, _position_step(capture.position)
     if step <= 0.0 or coarse < step or (_whole(coarse / step) and coarse <= thresholds.COARSE_STEPS * step):
         return []
-    unit = "m" if scales.kind == LINEAR else "rad"
+    unit = unit_on(scales.kind, "rad | m")
     cause = (
         wrong_units.by_step(coarse / step, scales) or "the log lost digits, or its unit is not the one that it names"
     )
-    return [
-        Note(
-            Topic.UNITS, f"positions come in steps of {coarse:.4g} {unit}, the encoder's is {step:.4g} {unit}: {cause}"
-        )
-    ]
+    text = f"positions come in steps of {coarse:.4g} {unit}, the encoder's is {step:.4g} {unit}: {cause}"
+    return [Note(Topic.UNITS, text)]
 
 
 def implausible(values: Mapping[str, float], nominal: stage.Stage) -> list[str]:
@@ -129,13 +122,11 @@ def check_possible(values: Mapping[str, Parameter]) -> None:
     """Raise IdentificationError where the whole interval of the inertia is below 0: no machine has that."""
     inertia = values.get("inertia")
     if inertia is not None and inertia.high < 0.0:
-        raise IdentificationError(
+        text = (
             f"inertia = {inertia.value:.3g} {inertia.unit} ({inertia.low:.3g} to {inertia.high:.3g}); must be above 0: "
-            "the columns of position and current may be exchanged, or one of them has the opposite sign",
-            Refusal.IMPLAUSIBLE,
-            value=f"{inertia.value:.3g}",
-            admissible="(0, inf)",
+            "the columns of position and current may be exchanged, or one of them has the opposite sign"
         )
+        raise IdentificationError(text, Refusal.IMPLAUSIBLE, value=f"{inertia.value:.3g}", admissible="(0, inf)")
 
 
 _ANOTHER = "not the same machine, or a wrong unit"
@@ -179,13 +170,11 @@ def _jumps(capture: Capture, setup: Setup) -> list[Note]:
         return []
     axis = setup.file.axis
     size = length(axis.travel_per_unit * float(steps[row]), axis.travel_unit)
-    return [
-        Note(
-            Topic.JUMP,
-            f"its position jumps by {size} within {duration(capture.dt)} at "
-            f"{capture.time[row]:.6g} s: a misread value, or lost rows that the times do not show; cut the log there",
-        )
-    ]
+    text = (
+        f"its position jumps by {size} within {duration(capture.dt)} at "
+        f"{capture.time[row]:.6g} s: a misread value, or lost rows that the times do not show; cut the log there"
+    )
+    return [Note(Topic.JUMP, text)]
 
 
 def _frozen(capture: Capture, setup: Setup) -> list[Note]:
@@ -202,14 +191,12 @@ def _frozen(capture: Capture, setup: Setup) -> list[Note]:
     pushed = float(np.mean(np.abs(still - still.mean()) > least)) if len(still) else 0.0
     if last - first < thresholds.FROZEN_ROWS * len(capture.position) or pushed < thresholds.PUSHED_ROWS:
         return []
-    return [
-        Note(
-            Topic.FROZEN,
-            f"its position is frozen from {capture.time[first]:.6g} s on, for {duration((last - first) * capture.dt)}, "
-            f"while the current swings by up to {float(np.abs(still - still.mean()).max()):.3g} A: the encoder or its "
-            "log stopped; cut the log there",
-        )
-    ]
+    text = (
+        f"its position is frozen from {capture.time[first]:.6g} s on, for {duration((last - first) * capture.dt)}, "
+        f"while the current swings by up to {float(np.abs(still - still.mean()).max()):.3g} A: the encoder or its "
+        "log stopped; cut the log there"
+    )
+    return [Note(Topic.FROZEN, text)]
 
 
 def _swapped(capture: Capture) -> list[Note]:
@@ -248,14 +235,12 @@ def _flat(capture: Capture, setup: Setup) -> list[Note]:
     if known and largest >= thresholds.AT_CURRENT_LIMIT * setup.file.drive.current_limit:
         return []  # the drive's own limit, in a current that it measured or commanded behind it
     level = abs(float(capture.current[rows[0]]))
-    return [
-        Note(
-            Topic.CLIPPED,
-            f"the current is clipped: flat at {level:.4g} A in {len(rows)} of {len(capture.current)} rows, the first "
-            f"at {capture.time[rows[0]]:.6g} s; the current that drove the motion there is not known: record "
-            "with a smaller amplitude, or go on with --doubtful if the current was really flat",
-        )
-    ]
+    text = (
+        f"the current is clipped: flat at {level:.4g} A in {len(rows)} of {len(capture.current)} rows, the first "
+        f"at {capture.time[rows[0]]:.6g} s; the current that drove the motion there is not known: record "
+        "with a smaller amplitude, or go on with --doubtful if the current was really flat"
+    )
+    return [Note(Topic.CLIPPED, text)]
 
 
 def _position_step(position: Array) -> float:

@@ -85,12 +85,8 @@ def _each_once(recordings: Sequence[Recording]) -> None:
 def _captures(recording: Recording, setup: Setup, current: str | None, doubtful: bool) -> list[Capture]:
     kind = recording.meta["axis"]["kind"]
     if kind != setup.file.axis.kind:
-        raise IdentificationError(
-            f"it is of a {kind} axis, {setup.file.name} is {setup.file.axis.kind}; give the stage it was recorded on",
-            Refusal.WRONG_AXIS,
-            value=kind,
-            admissible=setup.file.axis.kind,
-        )
+        text = f"it is of a {kind} axis, {setup.file.name} is {setup.file.axis.kind}; give the stage it was recorded on"
+        raise IdentificationError(text, Refusal.WRONG_AXIS, value=kind, admissible=setup.file.axis.kind)
     chosen = _current(recording, current)
     columns, notes = _aligned(recording, chosen)
     time = columns.pop("time")
@@ -111,20 +107,14 @@ def _current(recording: Recording, wanted: str | None) -> str:
     names = recording.samples.dtype.names or ()
     there = [name for name in CURRENTS if name in names and np.any(np.isfinite(recording.samples[name]))]
     if wanted is not None and wanted not in there:
-        raise IdentificationError(
-            f"it has no {wanted}; --current must be a column that it has: {', '.join(there) or 'none'}",
-            Refusal.MISSING_COLUMN,
-            value=wanted,
-            admissible=", ".join(there),
-        )
+        text = f"it has no {wanted}; --current must be a column that it has: {', '.join(there) or 'none'}"
+        raise IdentificationError(text, Refusal.MISSING_COLUMN, value=wanted, admissible=", ".join(there))
     if not there:
-        raise IdentificationError(
+        text = (
             f"it holds neither a current nor a command, so no force; it has {', '.join(names)}: name the column with "
-            "--columns current=NAME, or give it a header such as current_A, current_command_A or force_N",
-            Refusal.MISSING_COLUMN,
-            value=", ".join(names),
-            admissible=", ".join(CURRENTS),
+            "--columns current=NAME, or give it a header such as current_A, current_command_A or force_N"
         )
+        raise IdentificationError(text, Refusal.MISSING_COLUMN, value=", ".join(names), admissible=", ".join(CURRENTS))
     return wanted or there[0]
 
 

@@ -23,12 +23,8 @@ def with_compensators(
         return result
     for name in wanted:
         if name not in FORMS:
-            raise IdentificationError(
-                f"no compensator {name!r} can be made of a friction law; there are {', '.join(FORMS)}",
-                Refusal.UNKNOWN_OPTION,
-                value=name,
-                admissible=", ".join(FORMS),
-            )
+            text = f"no compensator {name!r} can be made of a friction law; there are {', '.join(FORMS)}"
+            raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=name, admissible=", ".join(FORMS))
     if "friction" not in result.changes:
         raise IdentificationError(
             f"{method} writes no friction into the stage file, so no compensator is made of it; take simultaneous, "

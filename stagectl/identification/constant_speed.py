@@ -204,22 +204,18 @@ def _check(spans: list[SpeedSpan], file: StageFile) -> bool:
     different = 1 + int(np.sum(np.diff(speeds) > thresholds.SPEEDS_APART * speeds[1:])) if len(speeds) else 0
     both = len({span.speed > 0.0 for span in spans}) == 2
     if different < 2:
-        raise IdentificationError(
+        text = (
             f"{different} different speeds in spans of constant speed longer than {thresholds.SHORTEST_SPAN:g} s; must "
             f"be at least 2 (found, in {_unit(file)}: {listed}): record trapezoids there and back at several speeds, "
-            "five for example, to separate slope and Coulomb friction",
-            Refusal.NO_STEADY_SPEED,
-            value=different,
-            admissible="[2, inf)",
+            "five for example, to separate slope and Coulomb friction"
         )
+        raise IdentificationError(text, Refusal.NO_STEADY_SPEED, value=different, admissible="[2, inf)")
     if both and len(spans) < 3:
-        raise IdentificationError(
+        text = (
             f"one span each way, at different speeds ({listed} {_unit(file)}); slope, Coulomb friction and offset need "
-            "three: record both speeds in both directions",
-            Refusal.NO_STEADY_SPEED,
-            value=len(spans),
-            admissible="[3, inf)",
+            "three: record both speeds in both directions"
         )
+        raise IdentificationError(text, Refusal.NO_STEADY_SPEED, value=len(spans), admissible="[3, inf)")
     return both
 
 

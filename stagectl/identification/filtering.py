@@ -1,9 +1,10 @@
 """The filter that every column of a linear regression passes, and how it is chosen from the record.
 
-The position passes a zero-phase Butterworth low-pass of fourth order; velocity and acceleration are its central
-differences.  The ends, where the filter knows one side only, are cut off.  Then all columns pass the same zero-phase
-low-pass at 0.8 of the new Nyquist frequency and are decimated ("parallel filter": filtering both sides of a linear
-equation keeps its solution).
+The position passes a zero-phase Butterworth low-pass of fourth order; velocity and acceleration are derivatives of
+cubic splines through it, which are true up to the cut-off.  Central differences are not: with a motion of 3 Hz in a log
+of 100 Hz they make the inertia 1.2 % too large.  The ends, where the filter knows one side only, are cut off.  Then all
+columns pass the same zero-phase low-pass at 0.8 of the new Nyquist frequency and are decimated ("parallel filter":
+filtering both sides of a linear equation keeps its solution).
 
 The cut-off is a tenth of the sampling rate (100 Hz at 1 kHz, the usual choice for robots).  It is lower where the
 encoder's noise would otherwise exceed a hundredth of the acceleration's variance; there that noise grows with the
@@ -22,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import signal
+from scipy.interpolate import CubicSpline
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, IdentificationError, Refusal
@@ -60,12 +62,8 @@ def design_filter(position: Array, dt: float, share: float = 1.0) -> FilterDesig
     design = FilterDesign(cutoff, kept, dt)
     least = thresholds.FILTERED_LEAST_ROWS * kept + 2 * design.edge
     if len(position) < least:
-        raise IdentificationError(
-            f"record of {len(position)} samples; must have at least {least}: record longer",
-            Refusal.TOO_SHORT,
-            value=len(position),
-            admissible=f"[{least}, inf)",
-        )
+        text = f"record of {len(position)} samples; must have at least {least}: record longer"
+        raise IdentificationError(text, Refusal.TOO_SHORT, value=len(position), admissible=f"[{least}, inf)")
     return design
 
 
@@ -73,8 +71,14 @@ def filtered_motion(position: Array, design: FilterDesign) -> FilteredMotion:
     """The motion (n,) at every row of the record."""
     b, a = signal.butter(ORDER, design.cutoff, fs=1.0 / design.dt)
     smooth = np.asarray(signal.filtfilt(b, a, position), dtype=np.float64)
-    velocity = np.gradient(smooth, design.dt)
-    return FilteredMotion(smooth, velocity, np.gradient(velocity, design.dt))
+    velocity = _slope(smooth, design.dt)
+    return FilteredMotion(smooth, velocity, _slope(velocity, design.dt))
+
+
+def _slope(column: Array, dt: float) -> Array:
+    """Derivative (n,) of a column (n,) with a row every `dt` (s): that of the cubic spline through it."""
+    time = dt * np.arange(len(column))
+    return np.asarray(CubicSpline(time, column)(time, 1), dtype=np.float64)
 
 
 def decimated(columns: Array, design: FilterDesign) -> Array:

@@ -195,13 +195,11 @@ def _checked_fit(strokes: list[Stroke], fit: OperatorFit, file: StageFile) -> li
     """
     coulomb = fit.coulomb
     if not coulomb > 0.0:
-        raise IdentificationError(
+        text = (
             "the force does not oppose the motion: it is no greater on the way up than on the way down; check the "
-            "sign of the current, the force constant, and that the position is measured and not the reference",
-            Refusal.OPPOSITE_SIGN,
-            value=coulomb,
-            admissible="(0, inf)",
+            "sign of the current, the force constant, and that the position is measured and not the reference"
         )
+        raise IdentificationError(text, Refusal.OPPOSITE_SIGN, value=coulomb, admissible="(0, inf)")
     half_stroke = 0.5 * min(stroke.length for stroke in strokes)
     late = float(np.sum(fit.weight[2.0 * fit.slip > half_stroke]))
     fast = _fast(strokes, file) / coulomb

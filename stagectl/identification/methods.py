@@ -15,7 +15,7 @@ from stagectl.identification.catalogue import METHODS, Method, listed
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic
 from stagectl.problem import nearest
 from stagectl.typed_json import plain
-from stagectl.units import LINEAR
+from stagectl.units import unit_on
 
 _INPUTS = ("captures", "file", "progress")  # arguments of a method that are no options
 
@@ -35,12 +35,8 @@ def identify(
             reason = f"{foreign[0]} is not an option of {name}: did you mean {near}?"
             raise IdentificationError(reason, Refusal.UNKNOWN_OPTION, value=foreign[0], admissible=near)
         own = [f"--{option}" for option in options if option in known]
-        raise IdentificationError(
-            f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}",
-            Refusal.UNKNOWN_OPTION,
-            value=foreign[0],
-            admissible=", ".join(own),
-        )
+        text = f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}"
+        raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=foreign[0], admissible=", ".join(own))
     result: IdentificationResult = solve(list(captures), file, progress=progress, **given)
     return result
 
@@ -119,6 +115,6 @@ def _capture(capture: Capture) -> dict[str, Any]:
 
 
 def _table(table: Characteristic, setup: Setup) -> dict[str, Any]:
-    length, force = ("m", "N") if setup.file.axis.kind == LINEAR else ("rad", "N m")
+    length, force = (unit_on(setup.file.axis.kind, units) for units in ("rad | m", "N m | N"))
     units = {"displacement": length, "force": force, "weight": force, "slip": length}
     return {**plain(table), "units": units}

@@ -98,23 +98,17 @@ def check_time(time: Array) -> None:
         )
     if not np.all(finite := np.isfinite(time)):
         row = int(np.argmin(finite))
-        raise IdentificationError(
-            f"time in row {row + 1} is {time[row]}; must be a number: remove the row",
-            Refusal.NOT_FINITE,
-            value=float(time[row]),
-            unit="s",
-        )
+        text = f"time in row {row + 1} is {time[row]}; must be a number: remove the row"
+        raise IdentificationError(text, Refusal.NOT_FINITE, value=float(time[row]), unit="s")
     if np.any(backwards := time[1:] <= time[:-1]):
         row = int(np.argmax(backwards)) + 1
         count = int(np.count_nonzero(backwards))
         how = "repeats" if time[row] == time[row - 1] else "goes back"
-        raise IdentificationError(
+        text = (
             f"time {time[row]:.9g} s in row {row + 1} {how} ({time[row - 1]:.9g} s before it), and so in {count} of "
-            f"{len(time)} rows; times must increase strictly: remove repeated rows, or sort the log by time",
-            Refusal.TIME_ORDER,
-            value=float(time[row]),
-            unit="s",
+            f"{len(time)} rows; times must increase strictly: remove repeated rows, or sort the log by time"
         )
+        raise IdentificationError(text, Refusal.TIME_ORDER, value=float(time[row]), unit="s")
 
 
 def _missing(name: str, column: Array, time: Array) -> str:
@@ -145,9 +139,11 @@ def _equally_spaced(time: Array, columns: dict[str, Array], smooth: frozenset[st
     steps = np.diff(time)
     start, dt, count = _grid(time, steps)
     uneven = max(float(np.max(steps)) - dt, dt - float(np.min(steps)))
-    if count == len(time) and (uneven <= thresholds.JITTER * dt or _only_rounded(time, start, dt)):
-        return Part(start, dt, columns, "")
     grid = start + dt * np.arange(count)
+    if count == len(time):
+        rounded = bool(np.max(np.abs(time - grid)) <= thresholds.ROUNDED_STAMPS * dt)  # and not irregular
+        if rounded or uneven <= thresholds.JITTER * dt:
+            return Part(start, dt, columns, "")
     grid[-1] = time[-1]
     resampled = {
         name: np.asarray(CubicSpline(time, column)(grid) if name in smooth else np.interp(grid, time, column))
@@ -174,9 +170,3 @@ def _grid(time: Array, steps: Array) -> tuple[float, float, int]:
     if missing and float(np.max(np.abs(time - start - dt * row))) <= thresholds.ROUNDED_STAMPS * dt:
         return start, dt, int(row[-1]) + 1
     return even
-
-
-def _only_rounded(time: Array, start: float, dt: float) -> bool:
-    """Whether the stamps stay so close to equal spacing that they are rounded and not irregular."""
-    deviation = np.max(np.abs(time - (start + dt * np.arange(len(time)))))
-    return bool(deviation <= thresholds.ROUNDED_STAMPS * dt)

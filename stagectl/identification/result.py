@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.units import Quantity
+from stagectl.units import unit_on
 
 Progress = Callable[[int, int], object]  # (steps done, steps in all)
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -26,7 +26,7 @@ UNITS = {  # SI unit of a parameter on a rotary and on a linear axis; by the fir
 
 def unit_of(name: str, kind: str) -> str:
     """SI unit of the parameter `name` on an axis of this `kind`."""
-    return Quantity(UNITS[name.split("_")[0]], "", "").unit_for(kind)
+    return unit_on(kind, UNITS[name.split("_")[0]])
 
 
 class Parameter(NamedTuple):

@@ -40,12 +40,6 @@ def _middle(scores: Array) -> Array:
     return np.asarray(middle * (rows / (rows - count)))
 
 
-def white(regressor: Array, residual: Array) -> Array:
-    """The textbook's covariance (k, k), for a `residual` (n,) that is white noise."""
-    rows, count = regressor.shape
-    return np.asarray(np.linalg.inv(regressor.T @ regressor) * float(residual @ residual) / (rows - count))
-
-
 def bandwidth(scores: Array) -> int:
     """Andrews' number of lags for `scores` (n, k): ``1.1447 (alpha n)^(1/3)``."""
     rho = np.clip([autocorrelation(column) for column in scores.T], -STIFFEST_SCORES, STIFFEST_SCORES)
@@ -69,11 +63,13 @@ def independent(residual: Array) -> float:
 
 
 def integrated_autocorrelation(residual: Array) -> float:
-    """``1 + 2 sum rho_k`` of a `residual` (n,), up to the first lag k at which rho is not positive."""
-    spectrum = np.abs(np.fft.rfft(residual, 2 * len(residual))) ** 2
-    correlation = np.fft.irfft(spectrum)[: len(residual)]
-    if correlation[0] <= 0.0:
-        return 1.0
-    rho = correlation / correlation[0]
+    """``1 + 2 sum rho_k`` of a `residual` (n,), up to the first lag k at which rho is not positive; at least 1."""
+    rho = correlations(residual)
     negative = np.flatnonzero(rho <= 0.0)
-    return float(2.0 * np.sum(rho[: negative[0] if len(negative) else len(rho)]) - 1.0)
+    return max(1.0, float(2.0 * np.sum(rho[: negative[0] if len(negative) else len(rho)]) - 1.0))
+
+
+def correlations(residual: Array) -> Array:
+    """Correlation (n,) of a residual (n,) with itself k rows later."""
+    products = np.fft.irfft(np.abs(np.fft.rfft(residual, 2 * len(residual))) ** 2)[: len(residual)]
+    return np.asarray(products / max(float(products[0]), 1e-300), dtype=np.float64)

@@ -151,10 +151,8 @@ SHORTEST_RANGE, LONGEST_RANGE = 2.0, 0.2  # encoder steps, of the stroke: bounds
 SLOWEST_STRIBECK, FASTEST_STRIBECK = 0.003, 0.5  # of the largest speed: bounds of Stribeck's velocity
 SEARCH_GRID = {0: 1, 1: 9, 2: 5, 3: 3}  # points of the grid along each of so many searched parameters
 SEARCH_STARTS = 3  # points of the grid that a search with a delay begins at: it makes local minima
-SEARCH_STEPS, REFIT_STEPS = (
-    10,
-    3,
-)  # evaluations from the grid, twice as many with a delay, and from a fit of nearly the same rows
+# Evaluations from the grid, twice as many with a delay, and from a fit of nearly the same rows.
+SEARCH_STEPS, REFIT_STEPS = 10, 3
 SEARCH_DERIVATIVE, SENSITIVITY_STEP = 1e-3, 1.02  # relative step of a derivative; factor of one
 REPEATING, NOT_REPEATING = 0.999, 0.5  # autocorrelation a period later, and what it falls below before
 ERROR_CUTOFF = 100.0  # Hz, of the filter of the closed loop's errors; Janot, Gautier, Brunot 2019

@@ -84,27 +84,19 @@ class Simulator(NamedTuple):
 SIMULATORS = {
     "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", "mujoco_export:to_mujoco"),
     "fmu": Simulator("an FMU", ".fmu", "fmu", "fmu.archive:to_fmu"),
-    "isaac": Simulator("a configuration of Isaac Lab", ".py", "", "isaac.physx:to_isaac"),
+    "isaac": Simulator("a configuration of Isaac Lab", ".py", "", "isaac_lab:to_isaac"),
 }
 
 
-RESIDUAL = "residual"  # the block of a residual table
 _NEUTRAL = {"current_quantum": 0.0, "current_lag": 0.0, "delay_samples": 0, "step": 0.0}  # of entries without a default
 
 
 def lost(setup: Setup, held: Mapping[str, Set[str]]) -> list[str]:
-    """Entries that are not neutral and not in `held`, by block: value, unit and meaning."""
-    blocks = [block for block in held if block != RESIDUAL]
-    words = [each for block in blocks for each in _lost(setup, block, held[block])]
-    return words if RESIDUAL in held else words + _residual(setup)
-
-
-def random_numbers(setup: Setup) -> list[str]:
-    """Entries whose random numbers are drawn outside of the model."""
-    p = setup.file.simulation
-    drawn = {"drive.jitter": setup.stage.drive.jitter, "simulation.current_noise": p.current_noise}
-    drawn |= {"simulation.encoder_noise": p.encoder_noise}
-    return [f"{name} = {value:.4g}: it draws random numbers" for name, value in drawn.items() if value]
+    """Entries that are not neutral and not in `held`, by block: value, unit and meaning; and a residual table."""
+    words = [each for block in held for each in _lost(setup, block, held[block])]
+    if (table := setup.file.residual) is not None:
+        words.append(f"residual: a table of {len(table.values)} values over {table.coordinate}")
+    return words
 
 
 def _lost(setup: Setup, block: str, held: Set[str]) -> Iterator[str]:
@@ -113,21 +105,14 @@ def _lost(setup: Setup, block: str, held: Set[str]) -> Iterator[str]:
     for name, value in part._asdict().items():
         neutral = part._field_defaults.get(name, _NEUTRAL.get(name))
         if name not in held and value != neutral:
-            yield f"{block}.{name} = {_shown(value)}{_meaning(hints[name], setup.file.axis.kind)}"
-
-
-def _meaning(hint: Any, kind: str) -> str:
-    quantity = quantity_of(hint)
-    return f" {quantity.unit_for(kind)}".rstrip() + f": {quantity.meaning}" if quantity else ""
+            quantity = quantity_of(hints[name])
+            meaning = (
+                f" {quantity.unit_for(setup.file.axis.kind)}".rstrip() + f": {quantity.meaning}" if quantity else ""
+            )
+            yield f"{block}.{name} = {_shown(value)}{meaning}"
 
 
 def _shown(value: Any) -> str:
     if hasattr(value, "_asdict"):
         return ", ".join(f"{name} {_shown(part)}" for name, part in value._asdict().items())
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _residual(setup: Setup) -> list[str]:
-    if setup.file.residual is None:
-        return []
-    return [f"residual: a table of {len(setup.file.residual.values)} values over {setup.file.residual.coordinate}"]

@@ -24,7 +24,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.constants import CURVE_POINTS, CURVE_REACH, LADDER, LADDER_REACH, LAG_STEPS
 from stagectl.kernels import stage
 from stagectl.kernels.effects import TURN, Harmonic
 from stagectl.kernels.friction import StopOperators, Stribeck
@@ -33,6 +32,12 @@ from stagectl.kernels.plant import Friction, Stage
 from stagectl.units import LINEAR
 
 AXIS = "axis"  # name of body, joint and actuator
+CURVE_POINTS = 400  # of the friction's curve to which bristles are fitted; ten times as many change no limit by 1 %
+CURVE_REACH = 5.0  # speeds of a Stribeck curve to which another shape is fitted, over its own speed
+LADDER = 12  # slips that bristles may have; those of no use get no share
+LADDER_REACH = 3.0  # shortest of them under the shortest slip of an operator
+LAG_STEPS = 4  # steps of the other simulator within the lag of the current loop, at least
+GAUSSIAN = 2.0  # the shape of the Stribeck curve that `lugre` has
 FITTED = 1  # actuator group of the bristles that stand for stop operators
 
 # Entries of the plant that the model holds; whatever else is not neutral is reported as lost.
@@ -144,9 +149,6 @@ def _lugre(p: Bristle) -> str:
 def _child(parent: ElementTree.Element, tag: str, /, **entries: object) -> ElementTree.Element:
     words = {key: repr(value) if isinstance(value, float) else str(value) for key, value in entries.items()}
     return ElementTree.SubElement(parent, tag, words)
-
-
-GAUSSIAN = 2.0  # the shape of the Stribeck curve that `lugre` has
 
 
 def bristles(p: Friction) -> list[Bristle]:

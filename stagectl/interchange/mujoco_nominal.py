@@ -40,6 +40,7 @@ class Nominal(NamedTuple):
 
 class _Joint(NamedTuple):
     model: Any
+    data: Any  # where the model puts it
     name: str
     joint: int
     dof: int
@@ -91,7 +92,9 @@ def _joint(model: Any, file: str, name: str) -> _Joint:
         )
     number = joints[chosen]
     passive = tuple(each for each in _on(model, number) if model.actuator_ctrlnum[each] == 0)
-    return _Joint(model, chosen, number, int(model.jnt_dofadr[number]), driven[chosen][0], passive)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return _Joint(model, data, chosen, number, int(model.jnt_dofadr[number]), driven[chosen][0], passive)
 
 
 def _on(model: Any, joint: int) -> Iterator[int]:
@@ -105,37 +108,28 @@ def _driving(model: Any, joint: int) -> Iterator[int]:
     """Those of them whose control is an effort: a fixed gain, and no answer to position or velocity."""
     for number in _on(model, joint):
         direct = int(model.actuator_dyntype[number]) in (_DIRECT, *_LAGS)
-        if (
-            direct
-            and int(model.actuator_gaintype[number]) == _FIXED
-            and not np.any(model.actuator_biasprm[number][1:3])
-        ):
+        fixed = int(model.actuator_gaintype[number]) == _FIXED
+        if direct and fixed and not np.any(model.actuator_biasprm[number][1:3]):
             yield number
 
 
 def _stage(p: _Joint) -> dict[str, Any]:
-    data = mujoco.MjData(p.model)
-    mujoco.mj_forward(p.model, data)
-    kind = KINDS[int(p.model.jnt_type[p.joint])]
+    kind, gear = KINDS[int(p.model.jnt_type[p.joint])], float(p.model.actuator_gear[p.actuator][0])
     units = (
         {"position_unit": "m", "torque_unit": "N"} if kind == LINEAR else {"position_unit": "rad", "torque_unit": "Nm"}
     )
     return {
         "name": p.name, "kind": kind, **units,
-        "force_constant": float(p.model.actuator_gainprm[p.actuator][0]) * _gear(p, p.actuator),
-        "inertia": _inertia(p, data),
+        "force_constant": float(p.model.actuator_gainprm[p.actuator][0]) * gear,
+        "inertia": _inertia(p),
         "viscous": float(p.model.dof_damping[p.dof]),
-        "bias": float(p.model.actuator_biasprm[p.actuator][0]) * _gear(p, p.actuator) - float(data.qfrc_bias[p.dof]),
+        "bias": float(p.model.actuator_biasprm[p.actuator][0]) * gear - float(p.data.qfrc_bias[p.dof]),
     }  # fmt: skip
 
 
-def _gear(p: _Joint, actuator: int) -> float:
-    return float(p.model.actuator_gear[actuator][0])
-
-
-def _inertia(p: _Joint, data: Any) -> float:
+def _inertia(p: _Joint) -> float:
     mass = np.zeros((p.model.nv, p.model.nv))
-    mujoco.mj_fullM(p.model, data, mass)
+    mujoco.mj_fullM(p.model, p.data, mass)
     return float(mass[p.dof, p.dof])
 
 
@@ -156,9 +150,7 @@ def _friction(p: _Joint) -> dict[str, Any]:
         return _lugre(p, bristles[0])
     pairs = [(_holds(p, each), 2.0 * _holds(p, each) / float(p.model.actuator_dynprm[each][5])) for each in bristles]
     if loss > 0.0:
-        data = mujoco.MjData(p.model)
-        mujoco.mj_forward(p.model, data)
-        pairs.append((loss, loss * p.model.opt.timestep**2 / _inertia(p, data)))
+        pairs.append((loss, loss * p.model.opt.timestep**2 / _inertia(p)))
     if not pairs:
         return {"law": "none"}
     weights, slips = zip(*pairs, strict=True)

@@ -13,11 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.constants import MOTION_PERIODS, MOTIONS, TRIED
 from stagectl.kernels import friction, friction_bristle, stage
 
 Array = NDArray[np.float64]
 Simulated = Callable[[Array], Array]  # commands (n,) A, one a control period -> positions (n,) rad | m
+
+
+# Chosen.
+TRIED = 2.0  # Hz, of the commands' sines: slow enough that the friction decides, in the axes that are shipped
+MOTION_PERIODS = 3.0  # periods of them; the amplitude rises over the first one
+MOTIONS = {"within the rolling zone": 0.3, "close to break-away": 0.9, "sliding": 1.8}  # times what friction holds
 
 
 class Compared(NamedTuple):

@@ -13,13 +13,8 @@ from stagectl.kernels.transmission import Bodies
 _NEVER: Line = (-math.inf,) * 8  # no command has begun
 
 
-def at_rest(p: Stage, position: float, time: float) -> State:
-    """The plant standing at `position` (rad | m) without command, at the session clock `time` (s)."""
-    return standing(p, friction.relaxed(p.friction.operators), position, time)
-
-
 def standing(p: Stage, stops: Any, position: float, time: float) -> State:
-    """`at_rest` with the operators `stops` (n,), changed in place, as its own."""
+    """The plant at rest at `position` (rad | m), its operators `stops` (n,), changed in place: see `stage.at_rest`."""
     behind = position
     for _ in range(LOAD_STEPS):
         driving, pulling = efforts(p, position, time, behind)

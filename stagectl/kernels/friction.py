@@ -122,14 +122,3 @@ def stribeck(p: Stribeck, v: float) -> float:
     if p.rise == 0.0:
         return 1.0
     return 1.0 + p.rise * math.exp(-((abs(v) / p.velocity) ** p.shape))
-
-
-@kernel
-def gms(p: Gms, s: Any, v: float, dx: float, dt: float) -> tuple[float, Any]:
-    """Force of the generalised Maxwell-slip law after a move of `dx` at velocity `v`; `s` (n,) changes **in place**.
-
-    An element that slips follows Stribeck's curve at once: the rate constant C of the original, with which it is drawn
-    towards the curve, is taken as infinite (F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control
-    50(11), 2005).  It acts in the milliseconds after break-away, where no capture of ours resolves it.
-    """
-    return stops(p.operators, s, dx, stribeck(p.stribeck, v)), s

@@ -38,28 +38,12 @@ class Bristle(NamedTuple):
     stribeck: friction.Stribeck = friction.Stribeck()
 
 
-class State(NamedTuple):
-    """Memory of the law."""
-
-    deflection: float  # z, rad | m
-
-
 NEUTRAL = Bristle()
 
 
 def scaled(p: Bristle, size: float, length: float = 1.0) -> Bristle:
     """`p` with its force times `size` and the length of its rolling zone times `length`."""
     return p._replace(coulomb=p.coulomb * size, stiffness=p.stiffness * size / length)
-
-
-AT_REST = State(0.0)
-
-
-@kernel
-def step(p: Bristle, x: State, v: float, dx: float, dt: float) -> tuple[float, State]:
-    """Force after a move of `dx` at velocity `v` during `dt`."""
-    force, deflection = bent(p, x.deflection, v, dx, dt)
-    return force, State(deflection)
 
 
 @kernel

@@ -30,7 +30,7 @@ class Branch(NamedTuple):
     travelled: float  # rad | m, since the reversal, or since rest
     direction: float  # -1, 0 before any motion, or 1
     virgin: float  # 1.0 until the first reversal: the half curve
-    origin: float  # N m | N, force at the reversal; the table does without
+    origin: float  # N m | N, force at the reversal
     force: float  # N m | N
 
 
@@ -67,7 +67,7 @@ CREEP = Creep(BRANCH, 0.0)
 
 
 @kernel
-def table(p: Table, x: Branch, v: float, dx: float, dt: float) -> tuple[float, Branch]:
+def table(p: Table, x: Branch, dx: float) -> tuple[float, Branch]:
     """Force of the table after a move of `dx`; a stop, and going on in the same direction, changes nothing."""
     x = moved(x, dx)
     if x.direction == 0.0:

@@ -8,31 +8,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from stagectl.kernels import friction, friction_bristle, friction_memory, friction_static
+from stagectl.kernels import friction, friction_bristle, friction_memory
 from stagectl.kernels.jit import kernel
-
-
-@kernel
-def static(p: friction_static.Static, position: Any, dt: float, out: Any) -> None:
-    """Forces (n,) of Coulomb, Stribeck and viscous friction."""
-    x = friction_static.State(0.0)
-    out[0] = 0.0
-    for k in range(1, len(position)):
-        dx = position[k] - position[k - 1]
-        out[k], x = friction_static.step(p, x, dx / dt, dx, dt)
 
 
 @kernel
 def bristle(p: friction_bristle.Bristle, position: Any, dt: float, out: Any) -> None:
     """Columns (n, 2) of Dahl or LuGre: the force without `damping`, and the rate of the deflection (rad/s | m/s)."""
-    x = friction_bristle.State(0.0)
+    z = 0.0
     out[0, 0], out[0, 1] = 0.0, 0.0
     for k in range(1, len(position)):
         dx = position[k] - position[k - 1]
-        before = x.deflection
-        _, x = friction_bristle.step(p, x, dx / dt, dx, dt)
-        out[k, 0] = p.stiffness * x.deflection
-        out[k, 1] = (x.deflection - before) / dt
+        before = z
+        _, z = friction_bristle.bent(p, z, dx / dt, dx, dt)
+        out[k, 0] = p.stiffness * z
+        out[k, 1] = (z - before) / dt
 
 
 @kernel
@@ -50,17 +40,22 @@ def operators(p: friction.Gms, position: Any, dt: float, out: Any) -> None:
 
 @kernel
 def gms(p: friction.Gms, s: Any, position: Any, dt: float, out: Any) -> None:
-    """Forces (n,) of a bundle whose elements slip on Stribeck's curve, from the states `s` (j,), changed in place."""
+    """Forces (n,) of a bundle whose elements slip on Stribeck's curve, from the states `s` (j,), changed in place.
+
+    An element that slips follows Stribeck's curve at once: the rate constant C of the original, with which it is drawn
+    towards the curve, is taken as infinite (F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control
+    50(11), 2005).  It acts in the milliseconds after break-away, where no capture of ours resolves it.
+    """
     out[0] = 0.0
     for k in range(1, len(position)):
         dx = position[k] - position[k - 1]
-        out[k], _ = friction.gms(p, s, dx / dt, dx, dt)
+        out[k] = friction.stops(p.operators, s, dx, friction.stribeck(p.stribeck, dx / dt))
 
 
 @kernel
 def branches(position: Any, out: Any) -> None:
     """Columns (n, 3) of the laws of displacement since reversal: what is travelled, direction, 1 while virgin."""
-    x = friction_memory.Branch(0.0, 0.0, 1.0, 0.0, 0.0)
+    x = friction_memory.BRANCH
     for k in range(len(position)):
         dx = position[k] - position[max(k - 1, 0)]
         x = friction_memory.moved(x, dx)
@@ -68,19 +63,18 @@ def branches(position: Any, out: Any) -> None:
 
 
 @kernel
-def table(p: friction_memory.Table, position: Any, dt: float, out: Any) -> None:
+def table(p: friction_memory.Table, position: Any, out: Any) -> None:
     """Forces (n,) of the data-based table."""
-    x = friction_memory.Branch(0.0, 0.0, 1.0, 0.0, 0.0)
+    x = friction_memory.BRANCH
     out[0] = 0.0
     for k in range(1, len(position)):
-        dx = position[k] - position[k - 1]
-        out[k], x = friction_memory.table(p, x, dx / dt, dx, dt)
+        out[k], x = friction_memory.table(p, x, position[k] - position[k - 1])
 
 
 @kernel
 def rheology(p: friction_memory.Rheology, position: Any, dt: float, out: Any) -> None:
     """Columns (n, 2) of the rheology model: the spring's force, and the creeping one's."""
-    x = friction_memory.Creep(friction_memory.Branch(0.0, 0.0, 1.0, 0.0, 0.0), 0.0)
+    x = friction_memory.CREEP
     out[0, 0], out[0, 1] = 0.0, 0.0
     for k in range(1, len(position)):
         dx = position[k] - position[k - 1]

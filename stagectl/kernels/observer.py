@@ -9,8 +9,8 @@
 
 The state ``[position, velocity, d]`` of the held plant is observed with all three poles at ``q = exp(-2 pi f_o Ts)``;
 the law subtracts the estimate of d, friction and load included, from its command.  With the delay line the model is
-as late as the measurement: nd periods of the command, the current loop's lag as a share of two neighbouring commands,
-and nm periods of the encoder.  From a disturbance to its estimate, by the model:
+as late as the measurement: nd periods of the command, its dead time and the current loop's lag as a share of two
+neighbouring commands, and nm periods of the encoder.  From a disturbance to its estimate, by the model:
 
     T(z) = k3 z (a12 b2 + b1 (z - a22)) / (z - q)^3        T(1) = 1
 
@@ -83,12 +83,12 @@ def designed(p: stage.Stage, dt: float, bandwidth: float) -> Observer:
 
 def _lateness(p: stage.Stage, dt: float) -> tuple[int, float]:
     """Whole periods of delay, and the share of the newer of the two commands that act in one period."""
-    lag = p.drive.current_lag / dt
+    lag = (p.drive.current_lag + p.drive.dead_time) / dt
     whole = p.drive.delay_samples + p.encoder.delay_samples + math.floor(lag)
     if whole > LONGEST:
         raise DelayError(
-            f"{whole} periods of delay (drive.delay_samples, encoder.delay_samples and drive.current_lag together); "
-            f"must be at most {LONGEST}: switch the layer observer off"
+            f"{whole} periods of delay (of the drive its delay_samples, dead_time and current_lag, and "
+            f"encoder.delay_samples together); must be at most {LONGEST}: switch the layer observer off"
         )
     return whole, 1.0 - (lag - math.floor(lag))
 

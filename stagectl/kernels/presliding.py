@@ -1,7 +1,7 @@
-r"""States of stop operators along a sampled motion: columns of a regression, compiled.
+r"""The state of a stop operator along a sampled motion: a column of a regression, compiled.
 
 Between two samples the motion may turn round; how far it went beyond the outermost sample is taken from the parabola
-through the three samples at the turn, so that the shortest element sees the whole travel::
+through the three samples at the turn, so that a short element sees the whole travel::
 
         x      __             turn `beyond` the outermost sample
         |    o    o
@@ -32,35 +32,21 @@ def beyond(before: float, after: float) -> float:
 @kernel
 def stretch(state: float, move: float) -> float:
     """State in [-1, 1] of one element after `move`, in units of its slip."""
-    stretched = state + move
-    if stretched > 1.0:
-        return 1.0
-    if stretched < -1.0:
-        return -1.0
-    return stretched
+    return min(max(state + move, -1.0), 1.0)
 
 
 @kernel
-def strains(rate: Any, states: Any, position: Any, out: Any) -> None:
-    """States of elements of `rate` (j,) = 1/slip along `position` (n + 3,): ``out[:, k]`` is at ``position[k + 2]``.
-
-    `states` (j,), at first those at ``position[1]``, change **in place** and go on into the next part of the motion.
-    """
-    for k in range(len(position) - 3):
+def strain(rate: float, position: Any, out: Any) -> None:
+    """Fill `out` (n,) with the state of an element of `rate` = 1/slip along ``position[2:-1]`` (n,), from rest."""
+    state = 0.0
+    for k in range(len(out)):
         last = position[k + 1] - position[k]
         move = position[k + 2] - position[k + 1]
         coming = position[k + 3] - position[k + 2]
         # The turn lies between the two samples: seen from the first, or from the second.
         first = beyond(last, move) if abs(last) > abs(move) else 0.0
         second = beyond(move, coming) if abs(move) <= abs(coming) else 0.0
-        turns = first != 0.0 or second != 0.0
-        for j in range(len(rate)):
-            state = states[j]
-            if turns:
-                state = stretch(state, first * rate[j])
-                state = stretch(state, (move - first + second) * rate[j])
-                state = stretch(state, -second * rate[j])
-            else:
-                state = stretch(state, move * rate[j])
-            states[j] = state
-            out[j, k] = state
+        state = stretch(state, first * rate)
+        state = stretch(state, (move - first + second) * rate)
+        state = stretch(state, -second * rate)
+        out[k] = state

@@ -63,11 +63,11 @@ def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: i
 
 
 @kernel
-def carried(p: stage.Stage, x: stage.State, currents: Any, dt: float) -> tuple[float, float, float]:
+def carried(p: stage.Stage, x: stage.State, currents: Any, dt: float, substeps: int) -> tuple[float, float, float]:
     """Lowest and highest position (rad | m) and largest speed while `currents` (n,) A drive the stage in open loop."""
     low, high, speed = x.position, x.position, abs(x.velocity)
     for k in range(len(currents)):
-        x = stage.period(p, x, currents[k], stage.SILENT, dt, 1)
+        x = stage.period(p, x, currents[k], stage.SILENT, dt, substeps)
         low, high, speed = min(low, x.position), max(high, x.position), max(speed, abs(x.velocity))
     return low, high, speed
 

@@ -62,12 +62,12 @@ def at_rest(p: Stage, position: float = 0.0, time: float = 0.0) -> State:
     Its friction carries bias, cogging, cable and what else acts on the axis; behind a transmission the load is where
     spring and gap balance.
     """
-    return equilibrium.at_rest(p, float(position), float(time))
+    return equilibrium.standing(p, friction.relaxed(p.friction.operators), float(position), float(time))
 
 
 def at_reading(p: Stage, measured: float, time: float = 0.0) -> State:
     """`at_rest` where the encoder, with the errors of its grating, reads `measured` (rad | m)."""
-    return equilibrium.at_rest(p, equilibrium.read(p, float(measured)), float(time))
+    return at_rest(p, equilibrium.read(p, float(measured)), time)
 
 
 def as_read(p: Stage, measured: float, time: float, going_on: tuple[float, float], dt: float) -> State:

@@ -106,8 +106,7 @@ class Loop:
     def abandon(self) -> bool:
         """No orders come any more: stop what moves; whether all axes are without power."""
         for axis in self.axes:
-            if axis.powered:
-                axis.happen(Event.RAMP, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
+            order_rules.give_up(axis, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
         return not any(axis.powered for axis in self.axes)
 
     def engage(self) -> None:
@@ -141,9 +140,9 @@ class Loop:
     def _couple(self) -> None:
         faults = [axis.faults for axis in self.axes]
         if faults != self._faults:
-            for axis in self.axes:
-                if axis.powered and axis.fault is Fault.NONE:
-                    axis.happen(Event.RAMP, Fault.PARTNER)
+            for axis, before in zip(self.axes, self._faults, strict=True):
+                if axis.faults == before:
+                    order_rules.give_up(axis, Fault.PARTNER)
             self._faults = [axis.faults for axis in self.axes]
 
     def _interrupt(self) -> None:
@@ -173,7 +172,8 @@ class Loop:
         possible = complete and all([axis.may_begin(order) for axis, order in together])
         for axis, order in pending:
             joint = order_rules.joint(order)
-            if not complete if joint else order_rules.too_soon(axis, order):
+            early = order.kind == Event.MOVE and axis.state is State.ENABLING  # it waits for the axis' power
+            if not complete if joint else early:
                 if axis.board.waiting > 1:  # the others have not come, and behind it may be a stop
                     axis.board.answer(False)
                 continue

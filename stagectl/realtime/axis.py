@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import math
 
-from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.drive import Fault
-from stagectl.drives.limits import ENABLE_TIME
+from stagectl.drives.limits import ENABLE_TIME, STANDSTILL_CYCLES
 from stagectl.kernels import law
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.axis_data import GONE, LAW, NO_OUTPUT, AxisData, StopLength
@@ -114,10 +113,11 @@ class Axis(AxisData):
             return self._held()
         self.rest()
         jump = safety.leap(self.limits, self.seen.position - self.asked.reference, passed * self.dt)
+        self.watch = safety.cooled(self.limits, self.watch, self.seen.current, passed * self.dt)
         self.current, self.output = 0.0, NO_OUTPUT
         self.asked, self.speed = held(self.seen.position, 0.0), 0.0
         if self.state is _DRIVE_HOMING:
-            return self.delegated.judge(self.limits, self.seen, passed * self.dt, self._elapsed())
+            return self.delegated.judge(self.limits, self.seen, self.watch.heat, passed * self.dt, self._elapsed())
         fault = self.seen.fault
         if jump is not _NONE:
             self.lose_origin("the position jumped while the axis had no power")
@@ -156,29 +156,26 @@ class Axis(AxisData):
             self._enabling()
         elif state in STOPS_GOING_ON:
             self._stopping()
-        elif state is _ENGAGING:
-            self._engaging()
+        elif state is _ENGAGING and self._elapsed() >= self.p.brake.engage + 2.0 * self.dt:
+            self.happen(Event.DONE)
         elif state is _FAULT and self.seen.fault in GONE:
             self.hang_up()
 
     def _enabling(self) -> None:
-        if self.seen.fault is Fault.NONE:
+        if self.adrift():
+            self.happen(Event.FAILED, Fault.FOLLOWING_ERROR)
+        elif self.seen.fault is Fault.NONE:
             self.happen(Event.DONE)
         elif self.found_faulty() or self._elapsed() > ENABLE_TIME:
             self.happen(Event.FAILED, Fault.DRIVE_FAULT)
 
-    def _engaging(self) -> None:
-        if self._elapsed() >= self.p.brake.engage + 2.0 * self.dt:
-            self.happen(Event.DONE)
-
     def _stopping(self) -> None:
         """Until it stands; a drive that does not answer stops by its own time-outs, and is given up."""
-        stands = self.still.stands(self.seen.position)
-        if self.seen.fault in GONE:
-            self.lost = self.now() if math.isnan(self.lost) else self.lost
-            stands = self.now() - self.lost > _LOST_TIME
+        gone, now = self.seen.fault in GONE, self.now()
+        self.lost = (now if math.isnan(self.lost) else self.lost) if gone else _NAN
+        stands = now - self.lost > _LOST_TIME if gone else self.still.stands(self.seen.position)
         if stands:
-            moved = max(self.cycles - self.since - Standstill.CYCLES, 0)
+            moved = max(self.cycles - self.since - STANDSTILL_CYCLES, 0)
             self.stopped = StopLength(moved * self.dt, abs(self.seen.position - self.start))
             self.happen(Event.DONE if self.ordered else Event.FAILED)
         elif self._elapsed() > _STOP_TIME:
@@ -240,7 +237,10 @@ class Axis(AxisData):
     def take(self, order: Order) -> bool:
         """An order of the service; False where it cannot be given now."""
         if order.kind == LAW:
-            self._take_law(order)
+            new: law.Law = bumpless_transfer.rebuilt(self.law, iter(order.numbers))
+            if self.governed:
+                self.x = bumpless_transfer.transferred(self.law, new, self.x, self.asked, self.seen.position)
+            self.law = new
             return True
         event = Event(order.kind)
         if event is Event.MOVE:
@@ -248,12 +248,6 @@ class Axis(AxisData):
         if event is Event.HOME and self.state is State.STANDING:
             self.fault = Fault.NONE
         return self.happen(event)
-
-    def _take_law(self, order: Order) -> None:
-        new: law.Law = bumpless_transfer.rebuilt(self.law, iter(order.numbers))
-        if self.governed:
-            self.x = bumpless_transfer.transferred(self.law, new, self.x, self.asked, self.seen.position)
-        self.law = new
 
     def may_begin(self, order: Order) -> bool:
         """Whether this motion can begin now; if not, the board says why where the state does not."""

@@ -35,13 +35,6 @@ _SHOWN = 0.004  # s between two signs of life of a state that goes on: the servi
 _PATIENCE = 1.0  # s that a sign of life may take, beyond two time-outs of the drive
 
 
-class Standing(NamedTuple):
-    """When an axis counts as standing still; see `Standstill.of_ramp`."""
-
-    deceleration: float  # rad/s^2 | m/s^2, of the ramp that stops it
-    step: float  # rad | m, of the encoder
-
-
 class StopLength(NamedTuple):
     """How long a stop took."""
 
@@ -58,7 +51,7 @@ class Orders(NamedTuple):
     envelope: safety.Envelope
     homing: Homing
     window: float  # rad | m, of in position
-    standing: Standing
+    own_ramp: float  # rad/s^2 | m/s^2, of the drive's own stop
     by_clock: bool  # a missed period is a missed row; False where the plant waits for our SYNC
     wire: Canopen | Odrive | None  # None: the stage model in this process
     stage: stage.Stage
@@ -111,6 +104,14 @@ class AxisData:
     def powered(self) -> bool:
         """Whether the axis is held, moves, or is being stopped."""
         return self.state in POWERED or self.state in STOPS_GOING_ON or self.state in _NOT_GOVERNED
+
+    def adrift(self) -> bool:
+        """Whether the axis leaves the place where it got power: as its brake is released no law holds it yet."""
+        limits = self.limits
+        if math.isnan(self.start):  # the first period of a connection
+            self.start = self.seen.position
+        most = 2.0 * (limits.following_error + limits.error_ramp * limits.speed)
+        return self.p.brake.present and abs(self.seen.position - self.start) > most
 
     def show(self, patience: float = 0.0) -> None:
         """The status, for whoever gives the orders; the next one may take `patience` (s)."""

@@ -41,12 +41,12 @@ class Opening:
 
             return open_odrive(p.wire, p.ramp.dt)
         from stagectl.drives.canopen.drive import CanopenDrive  # with the library, which a simulation need not load
+        from stagectl.drives.canopen.object_rules import Wishes
 
         bus = self._bus(p.wire)
         try:
-            step, dt = p.stage.encoder.step, p.ramp.dt
-            return CanopenDrive(p.wire, bus, step, dt, limits=p.limits, brake=p.brake, homing=p.homing)
-        except StageError:
+            return CanopenDrive(Wishes(p.wire, p.stage.encoder.step, p.ramp.dt, p.limits, p.homing), bus, p.brake)
+        except (StageError, OSError):  # else its port would stay the one that sends SYNC for all
             bus.close()
             raise
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.config.plausibility import decelerations
+from stagectl.config.stage_checks import decelerations
 from stagectl.config.stage_file import Setup
 from stagectl.drives import limits as decided
 from stagectl.drives.drive import Canopen
@@ -108,11 +108,8 @@ def check_braking(setup: Setup, rows: NDArray[np.float64]) -> None:
 
 def _unbraked(setup: Setup, at: float, allowed: float, needed: float) -> LimitError:
     """The refusal of a motion that needs a deceleration (rad/s^2 | m/s^2) at this time (s)."""
-    every, scale, unit = (
-        decelerations(setup.file),
-        setup.file.axis.travel_per_unit,
-        f"{setup.file.axis.travel_unit}/s^2",
-    )
+    every, scale = decelerations(setup.file), setup.file.axis.travel_per_unit
+    unit = f"{setup.file.axis.travel_unit}/s^2"
     entry = next(iter(every)) if "limits.deceleration" in every else min(every, key=lambda each: every[each])
     value, least = (length(each * scale, unit) for each in (allowed, needed))
     stops = f"at {at:.3g} s of the motion the axis could no longer stop within limits.travel"

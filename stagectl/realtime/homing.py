@@ -51,15 +51,20 @@ class DriveSearch:
     def __init__(self, p: Homing, start: float) -> None:
         """From the position `start` (rad | m)."""
         self._p, self._start, self._before = p, start, start
+        self._counted = False  # from its home: the origin has jumped
 
-    def judge(self, limits: safety.Envelope, seen: Feedback, dt: float, elapsed: float) -> Fault:
-        """What is wrong in this period of `dt` (s), `elapsed` (s) after its beginning."""
+    def judge(self, limits: safety.Envelope, seen: Feedback, heat: float, dt: float, elapsed: float) -> Fault:
+        """What is wrong in this period of `dt` (s), `elapsed` (s) after its beginning; `heat` (A^2) of the motor."""
         moved, self._before = seen.position - self._before, seen.position
-        if safety.leap(limits, moved, dt) is not Fault.NONE:
-            self._start += moved  # the drive counts from its home now; the axis has not moved so far
+        leapt = safety.leap(limits, moved, dt) is not Fault.NONE
         if seen.fault is not Fault.NONE:
             return seen.fault
+        if leapt and self._counted:
+            return Fault.SPEED  # an origin jumps once: the axis moves
+        if leapt:
+            self._counted = True
+            self._start += moved  # the drive counts from its home now; the axis has not moved so far
         if abs(seen.current) > limits.current:
             return Fault.CURRENT
         too_far = self._p.moves and abs(seen.position - self._start) > self._p.distance
-        return Fault.HOMING if too_far or elapsed > self._p.longest else Fault.NONE
+        return Fault.HOMING if too_far or elapsed > self._p.longest else safety.overloaded(limits, heat)

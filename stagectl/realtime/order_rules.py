@@ -1,7 +1,8 @@
-"""Which orders wait for others, and those that wait for nothing: the stops."""
+"""Orders that wait for others, those that wait for nothing: the stops, and those that nobody has ordered."""
 
 from __future__ import annotations
 
+from stagectl.drives.drive import Fault
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.shared_memory import CUT, HOLD, Order
 from stagectl.realtime.states import Event, State
@@ -19,11 +20,14 @@ def take_stops(axis: Axis) -> None:
         axis.board.heed()
 
 
+def give_up(axis: Axis, fault: Fault) -> None:
+    """Stop an axis for a `fault` that is not its own, by the drive's ramp; by its brake as its power comes or goes."""
+    if axis.p.brake.present and axis.state in (State.ENABLING, State.ENGAGING):
+        axis.happen(Event.DISABLE)
+    elif axis.powered:
+        axis.happen(Event.RAMP, fault)
+
+
 def joint(order: Order) -> bool:
     """Whether it is a move that begins with those of other axes."""
     return order.kind == Event.MOVE and order.numbers[-1] > 1.0
-
-
-def too_soon(axis: Axis, order: Order) -> bool:
-    """Whether it is a move that waits for the power that its axis is getting."""
-    return order.kind == Event.MOVE and axis.state is State.ENABLING

@@ -143,6 +143,17 @@ def watched(p: Envelope, x: Watch, now: Observation, limit: float) -> Watch:
     )
 
 
+def cooled(p: Envelope, x: Watch, current: float, dt: float) -> Watch:
+    """The memory after a period in which our law did not act: the motor warms up and cools down all the same."""
+    heating = current * current if current == current else 0.0
+    return x._replace(heat=x.heat + (heating - x.heat) * min(dt / p.thermal_time, 1.0))
+
+
+def overloaded(p: Envelope, heat: float) -> Fault:
+    """I2t, with the `heat` (A^2) of the motor."""
+    return Fault.OVERLOAD if heat > p.continuous_current * p.continuous_current else _NONE
+
+
 def jumped(p: Envelope, x: Watch, position: float, dt: float) -> bool:
     """Whether the position is farther away than speed, force and a cycle's uncertainty of time explain."""
     before, speed = x.position, x.speed
@@ -175,18 +186,17 @@ def _placed(p: Envelope, x: Watch) -> Fault:
         return Fault.BRAKING
     if x.excess > p.current_time:
         return Fault.CURRENT
-    return Fault.OVERLOAD if x.heat > p.continuous_current * p.continuous_current else _NONE
+    return overloaded(p, x.heat)
 
 
 def searching(p: Envelope) -> Envelope:
     """A search is made without a home, and may be held by an end stop."""
-    return unhomed(p)._replace(freeze=math.inf, breakaway=math.inf)
+    return unhomed(p)._replace(freeze=INF, breakaway=INF)
 
 
 def unhomed(p: Envelope) -> Envelope:
     """An axis without a home does not know where its travel ends; until it has one it only stands, or searches."""
-    inf = math.inf
-    return p._replace(low=-inf, high=inf, deceleration=inf)
+    return p._replace(low=-INF, high=INF, deceleration=INF)
 
 
 def containing(p: Envelope, position: float) -> Envelope:

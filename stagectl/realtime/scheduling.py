@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import os
 import signal
+from collections.abc import Iterator
 
 from stagectl.drives.clock import WALL, Clock
 
@@ -22,59 +24,45 @@ def follow_parent() -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
+_held: list[int] = []  # the descriptor must stay open: closing it gives the request back
+
+
 def prepare(priority: int, cpu: int | None) -> list[str]:
     """Ask for all of it; returns what was refused, with the remedy, as sentences."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    refused = [*_schedule(priority), *_lock(libc), *_pin(cpu), *_awake()]
+    libc, refused = ctypes.CDLL(None, use_errno=True), list[str]()
+    with _noting(refused, f"no real-time scheduling (SCHED_FIFO {priority}): allow it with LimitRTPRIO= or ulimit -r"):
+        if priority:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    with _noting(
+        refused, "memory is not locked (mlockall): allow it with LimitMEMLOCK=infinity or ulimit -l unlimited"
+    ):
+        if libc.mlockall(_MCL_CURRENT_AND_FUTURE) != 0:
+            raise OSError
+    with _noting(refused, f"not pinned to CPU {cpu}: this process may use {sorted(os.sched_getaffinity(0))}"):
+        if cpu is not None:
+            os.sched_setaffinity(0, {cpu})
+    with _noting(refused, "the CPU may sleep deeply (/dev/cpu_dma_latency is not writable): wake-ups take longer"):
+        _held.append(os.open("/dev/cpu_dma_latency", os.O_WRONLY))
+        os.write(_held[-1], b"\x00\x00\x00\x00")
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     settle()
     gc.disable()
     return refused
 
 
+@contextlib.contextmanager
+def _noting(refused: list[str], words: str) -> Iterator[None]:
+    """Note in words what the kernel refuses."""
+    try:
+        yield
+    except OSError:
+        refused.append(words)
+
+
 def settle() -> None:
     """What is there now stays: collections from here on look at what comes after it, and are short."""
     gc.collect()
     gc.freeze()
-
-
-def _schedule(priority: int) -> list[str]:
-    if priority == 0:
-        return []
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except OSError:
-        return [f"no real-time scheduling (SCHED_FIFO {priority}): allow it with LimitRTPRIO= or ulimit -r"]
-    return []
-
-
-def _lock(libc: ctypes.CDLL) -> list[str]:
-    if libc.mlockall(_MCL_CURRENT_AND_FUTURE) != 0:
-        return ["memory is not locked (mlockall): allow it with LimitMEMLOCK=infinity or ulimit -l unlimited"]
-    return []
-
-
-def _pin(cpu: int | None) -> list[str]:
-    if cpu is None:
-        return []
-    try:
-        os.sched_setaffinity(0, {cpu})
-    except OSError:
-        return [f"not pinned to CPU {cpu}: this process may use {sorted(os.sched_getaffinity(0))}"]
-    return []
-
-
-_held: list[int] = []  # the descriptor must stay open: closing it gives the request back
-
-
-def _awake() -> list[str]:
-    try:
-        descriptor = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
-        os.write(descriptor, b"\x00\x00\x00\x00")
-    except OSError:
-        return ["the CPU may sleep deeply (/dev/cpu_dma_latency is not writable): wake-ups take longer"]
-    _held.append(descriptor)
-    return []
 
 
 class Metronome:

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from stagectl.kernels.law import Setpoint
 from stagectl.realtime.shared_memory import Board
 
 
-class Source(Protocol):
+class Source:
     """A supply of setpoints."""
 
-    over: bool  # the last one was given: it is held from now on
+    over = False  # the last one was given: it is held from now on
 
     def next(self, passed: int) -> Setpoint | None:
         """The setpoint `passed` periods after the last one; None where it is not there yet."""
+        raise NotImplementedError
 
     def prepare(self) -> None:
-        """Have the next one ready, as far as that can be: it is then no part of the reaction to the position."""
+        """Have the next one ready, where that takes time: it is then no part of the reaction to the position."""
 
 
-class Hold:
+class Hold(Source):
     """One position, for ever."""
-
-    over = False
 
     def __init__(self, position: float, friction: float = 0.0) -> None:
         self._held = held(position, friction)
@@ -32,9 +31,6 @@ class Hold:
     def next(self, passed: int) -> Setpoint:
         """The same each time."""
         return self._held
-
-    def prepare(self) -> None:
-        """It is there."""
 
 
 def held(position: float, friction: float) -> Setpoint:
@@ -50,12 +46,12 @@ def caught(p: Model, position: float, speed: float) -> Setpoint:
     return held(position + p.late * speed, math.copysign(p.friction, speed) if speed != 0.0 else 0.0)
 
 
-class Rows:
+class Rows(Source):
     """Rows of a motion that are on the board, relative to where it begins."""
 
     def __init__(self, board: Board, first: int, count: int, origin: float) -> None:
         self._board, self._first, self.count, self._origin = board, first, count, origin
-        self.row, self.over, self._last = -1, False, count - 1
+        self.row, self._last = -1, count - 1
         self._prepared, self._ready = -1, held(origin, 0.0)  # number and content of a row that was fetched
         self.prepare()
 
@@ -94,14 +90,13 @@ class Model(NamedTuple):
     late: float  # s, of the measurement
 
 
-class Ramp:
+class Ramp(Source):
     """From one speed to another at the model's acceleration; over when the goal is 0 and reached."""
 
     def __init__(self, p: Model, start: Setpoint, speed: float, goal: float) -> None:
         """Begin at the reference of `start` with `speed` (rad/s | m/s); its friction is kept where it brakes."""
         self._p, self._position, self._speed, self._goal = p, start.reference, speed, goal
         self._friction = start.friction
-        self.over = False
 
     def next(self, passed: int) -> Setpoint:
         """The reference one period on, or more after a stall."""
@@ -116,9 +111,6 @@ class Ramp:
         current = p.inertia * change / time + p.viscous * self._speed
         late = self._position - p.late * self._speed
         return Setpoint(self._position, late, current, self._friction, self._speed)
-
-    def prepare(self) -> None:
-        """The next reference takes little time."""
 
     def brake(self) -> None:
         """Come to rest from here."""

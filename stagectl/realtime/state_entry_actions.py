@@ -53,6 +53,7 @@ def _without_power(axis: AxisData, _: State) -> None:
 
 def _enabling(axis: AxisData, _: State) -> None:
     axis.since, axis.fault, axis.judged = axis.cycles, Fault.NONE, ""
+    axis.start = axis.seen.position
     axis.asked = held(axis.seen.position, 0.0)  # a jump counts from here, not from before a new connection
     _ask(axis, Power.ON)
 
@@ -97,11 +98,13 @@ def _braking(axis: AxisData, _: State) -> None:
     axis.brake()
 
 
-def _engaging(axis: AxisData, _: State) -> Event | None:
+def _engaging(axis: AxisData, old: State) -> Event | None:
     """Hold under power until the brake holds; without a brake there is nothing to wait for."""
     axis.since = axis.cycles
     if not axis.p.brake.present:
         return Event.DONE
+    if old is State.ENABLING:  # its brake may be released already
+        axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.p.holding)
     _ask(axis, Power.ENGAGE)
     return None
 
@@ -109,7 +112,7 @@ def _engaging(axis: AxisData, _: State) -> Event | None:
 def _begin_stop(axis: AxisData, power: Power) -> None:
     axis.search = None
     axis.since, axis.start, axis.lost = axis.cycles, axis.seen.position, math.nan
-    axis.still = Standstill.of_ramp(*axis.p.standing, axis.dt)
+    axis.still = Standstill.of_ramp(axis.p.own_ramp, axis.p.stage.encoder.step, axis.dt)
     _ask(axis, power)
 
 

@@ -8,7 +8,7 @@
                            FAULT <--failed-- QUICK_STOPPING, COASTING <--- a fault, by its stop category
 
 HOMING --delegated--> DRIVE_HOMING --done--> STANDING: the drive finds its home itself; a stop is then its quick stop.
-STANDING --disable--> ENGAGING --done--> DISABLED: where there is a brake, it holds before power goes.
+STANDING --disable--> ENGAGING --done--> DISABLED: where there is a brake, it holds before power goes (ENABLING, too).
 A drive that is found in Fault leads from CONNECTING to FAULT: faults are reset by a person.
 
 An event that is not in a state's row is an order that cannot be given there; faults are in every row.
@@ -19,7 +19,7 @@ from __future__ import annotations
 import enum
 
 from stagectl.drives.drive import Fault
-from stagectl.realtime.stops import STOPS, Category
+from stagectl.realtime.stops import STOPS
 
 
 class State(enum.IntEnum):
@@ -127,17 +127,16 @@ def _table() -> dict[tuple[State, Event], State]:
         gone = s.OFFLINE if still in (s.OFFLINE, s.CONNECTING) else s.FAULT
         table |= {(still, fault): gone for fault in (e.COAST, e.RAMP, e.HOLD)}
         table |= {(still, order): still for order in (e.STOP, e.QUICK_STOP, e.DISABLE) if still is not s.ENABLING}
-    table |= {(s.ENABLING, order): s.DISABLED for order in (e.STOP, e.QUICK_STOP, e.DISABLE)}
+    table |= {(s.ENABLING, order): s.ENGAGING for order in (e.STOP, e.QUICK_STOP, e.DISABLE)}
     return table
 
 
 TABLE = _table()
-_EVENTS = {Category.COAST: Event.COAST, Category.RAMP: Event.RAMP, Category.HOLD: Event.HOLD}
 
 
 def event_of(fault: Fault) -> Event:
     """The event that a fault is, by its stop category."""
-    return _EVENTS[STOPS[fault].category]
+    return Event[STOPS[fault].category.name]
 
 
 def following(state: State, event: Event) -> State | None:

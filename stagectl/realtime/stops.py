@@ -95,9 +95,13 @@ STOPS: dict[Fault, Stop] = {
 }  # fmt: skip
 
 
-_UNPOWERED = {Fault.DRIVE_FAULT: "the drive is not ready"}  # in Fault, or it does not take power: it says why
+_UNPOWERED = {
+    Fault.DRIVE_FAULT: "the drive is not ready; the axis had no power",  # in Fault, or it takes none: it says why
+    Fault.FOLLOWING_ERROR: "the axis left its place as its brake was released, and its power was cut; the current that"
+    " carries it is brake.holding_current, or by the model that of mechanics.bias",
+}
 
 
 def without_power(fault: Fault) -> str:
     """A fault of an axis that had no power, in words: nothing was stopped."""
-    return f"{_UNPOWERED.get(fault, STOPS[fault].words)}; the axis had no power"
+    return _UNPOWERED.get(fault, f"{STOPS[fault].words}; the axis had no power")

@@ -21,7 +21,8 @@ from stagectl.recording.columns import Array
 from stagectl.recording.constants import EARLY
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.in_memory import header
-from stagectl.units import StageError, factor
+from stagectl.recording.scales import bases_of
+from stagectl.units import factor
 
 NAME = "injection_A"
 
@@ -70,19 +71,13 @@ def _table(path: Path) -> Any:
 
 def _column(path: Path, names: list[str]) -> tuple[str, float]:
     """The current's column, and its factor into A."""
-    scales = {name: scale for name in names if name != "time_s" and (scale := _scale(name)) is not None}
+    units = {name: name.rsplit("_", 1)[-1] for name in names}
+    scales = {name: factor(unit, "A") for name, unit in units.items() if bases_of(unit) == {"A": 1}}
     chosen = [name for name in scales if name.startswith("injection")] or list(scales)
     if len(chosen) != 1:
         reason = f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)"
         raise RecordingError(reason, path, ProblemKind.MISSING, column=NAME)
     return chosen[0], scales[chosen[0]]
-
-
-def _scale(name: str) -> float | None:
-    try:
-        return factor(name.rsplit("_", 1)[-1], "A")
-    except StageError:
-        return None
 
 
 def _numbers(path: Path, table: Any, name: str) -> Array:

@@ -15,7 +15,7 @@ from stagectl.named_values import pairs
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, bases_of, is_unit
-from stagectl.units import LINEAR, ROTARY, StageError, factor
+from stagectl.units import LINEAR, ROTARY, StageError, factor, unit_on
 
 Array = NDArray[np.float64]
 
@@ -136,7 +136,7 @@ def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
     if quantity == "velocity":  # of a log without a position, which is its integral
         return "velocity", scales.speed(unit)
     if quantity in _LENGTHS:
-        return _LENGTHS[quantity], scales.position(unit or ("m" if scales.kind == LINEAR else "rad"))
+        return _LENGTHS[quantity], scales.position(unit or unit_on(scales.kind, "rad | m"))
     return _CURRENTS[quantity], scales.current(unit or "A")
 
 

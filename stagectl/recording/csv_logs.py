@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
 from stagectl.recording.columns import (
     EXAMPLE,
     POSITIONS,
-    Array,
     Choice,
     Log,
     check_kind,
@@ -63,7 +64,8 @@ def read(
     _of_this_kind(path, names, scales)
     found, notes = _known(path, how, scales)
     table, cut = read_table(path, names, list(found), how, [name for name in found if found[name][0] == "time"])
-    columns = {ours: _scaled(table.pop(name), scale) for name, (ours, scale) in found.items()}
+    # In place: a long log has no room for a second array.
+    columns = {ours: np.multiply(table[name], scale, out=table[name]) for name, (ours, scale) in found.items()}
     labels = {ours: name for name, (ours, _) in found.items()}
     notes = [*_skipped(how), *notes, *cut]
     return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})}, labels)
@@ -163,30 +165,28 @@ def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales |
 
 def _known(path: Path, how: Layout, scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:
     """Columns that are understood: (ours, factor); and a note for each that is left out."""
-    names = how.names
-    own = {header(name, quantity.unit_for(scales.kind)): name for name, quantity in quantities().items()}
-    exported = any(own.get(name) == "measured" for name in names)  # our own export, all columns
+    names, named = how.names, [parsed(name) or ("", "") for name in how.names]
+    own, notes = _without_a_unit(how, scales), []
     known: dict[str, tuple[str, float]] = {}
-    notes = []
-    own_position = any((about := parsed(name)) and about[0] in POSITIONS[:-1] for name in names)
-    for at, name in enumerate(names):
-        if own_position and (about := parsed(name)) and about[0] == POSITIONS[-1]:
+    of_motor = any(quantity in POSITIONS[:-1] for quantity, _ in named)
+    for name, (quantity, unit) in zip(names, named, strict=True):
+        if of_motor and quantity == POSITIONS[-1]:
             notes.append(f"{name} is left out: it is the load's, and the position is taken from the motor")
             continue
         try:
-            ours_and_factor = (own[name], 1.0) if exported and name in own else _meaning(name, scales, how.stamped(at))
+            found = own.get(name) or (meaning(quantity, unit, scales) if unit else None)
         except StageError as error:
-            if (about := parsed(name)) and about[0] in ("time", *POSITIONS):
+            if quantity in ("time", *POSITIONS):
                 raise RecordingError(f"{name} in {path}: {error}", path, ProblemKind.UNIT, column=name) from error
             notes.append(f"{name} is left out: {error}")
             continue
-        if ours_and_factor is None:
+        if found is None:
             notes.append(f"{name or 'a column without a name'} is left out: it is not a quantity with a known unit")
-        elif ours_and_factor[0] in [ours for ours, _ in known.values()]:
-            reason = f"{path} has two columns for {ours_and_factor[0]}, the second is {name}: remove one"
-            raise RecordingError(reason, path, ProblemKind.REPEATED, column=ours_and_factor[0])
+        elif found[0] in [ours for ours, _ in known.values()]:
+            reason = f"{path} has two columns for {found[0]}, the second is {name}: remove one"
+            raise RecordingError(reason, path, ProblemKind.REPEATED, column=found[0])
         else:
-            known[name] = ours_and_factor
+            known[name] = found
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
         reason = (
@@ -197,22 +197,17 @@ def _known(path: Path, how: Layout, scales: Scales) -> tuple[dict[str, tuple[str
     return known, notes
 
 
+def _without_a_unit(how: Layout, scales: Scales) -> dict[str, tuple[str, float]]:
+    """What needs no unit: all columns of our own export; of another log a time that is stamped, which is read in s."""
+    own = {header(name, quantity.unit_for(scales.kind)): (name, 1.0) for name, quantity in quantities().items()}
+    if ("measured", 1.0) in map(own.get, how.names):
+        return own
+    times = [name for at, name in enumerate(how.names) if (parsed(name) or ("",))[0] == "time" and how.stamped(at)]
+    return dict.fromkeys(times, ("time", 1.0))
+
+
 def _of_this_kind(path: Path, names: list[str], scales: Scales) -> None:
     """Raise RecordingError where our own export is of the other kind of axis."""
     kind, unit = (LINEAR, "m") if scales.kind == ROTARY else (ROTARY, "rad")
     if (name := header("measured", unit)) in names:
         check_kind(path, name, kind, scales)
-
-
-def _meaning(name: str, scales: Scales, stamped: bool) -> tuple[str, float] | None:
-    """Our column and its factor; a time that is `stamped` is in s, whatever its name says."""
-    header_parts = parsed(name)
-    if stamped and header_parts and header_parts[0] == "time":
-        return "time", 1.0
-    return meaning(*header_parts, scales) if header_parts and header_parts[1] else None
-
-
-def _scaled(column: Array, scale: float) -> Array:
-    """The same array, scaled: a long log has no room for a second one."""
-    column *= scale
-    return column

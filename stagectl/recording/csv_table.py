@@ -44,11 +44,8 @@ def _read(path: Path, names: list[str], wanted: list[str], how: Layout, stamps: 
     commas = any("," in stamp for stamp in stamps.values())
     types = {name: time_stamps.arrow_type(stamps.get(name, "")) for name in wanted}
     reading = arrow().csv.ReadOptions(use_threads=False, column_names=names, skip_rows=how.skipped)
-    converting = arrow().csv.ConvertOptions(
-        column_types=types,
-        include_columns=list(types),
-        decimal_point="." if commas else how.decimal,
-    )
+    point = "." if commas else how.decimal
+    converting = arrow().csv.ConvertOptions(column_types=types, include_columns=list(types), decimal_point=point)
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
     with path.open("rb") as file:  # of a whole file no more than a block is in memory
         if how.separator == SPACES:
@@ -56,17 +53,14 @@ def _read(path: Path, names: list[str], wanted: list[str], how: Layout, stamps: 
         else:
             whole = end.length == path.stat().st_size
             source = arrow().PythonFile(file) if whole else arrow().BufferReader(file.read(end.length))
-        return arrow().csv.read_csv(_with_points(source) if commas else source, reading, parsing, converting)
+        if commas:  # with decimal points, as Arrow knows no stamps with decimal commas
+            source = arrow().TransformInputStream(source, lambda block: bytes(block).replace(b",", b"."))
+        return arrow().csv.read_csv(source, reading, parsing, converting)
 
 
 def _single_spaced(text: bytes) -> bytes:
     """The same lines with one space between two cells, and none around them."""
     return re.sub(rb"(?m)^ | (?=\r?$)", b"", re.sub(rb"[ \t]+", b" ", text))
-
-
-def _with_points(source: Any) -> Any:
-    """The same text with decimal points, as Arrow knows no stamps with decimal commas."""
-    return arrow().TransformInputStream(source, lambda block: bytes(block).replace(b",", b"."))
 
 
 @contextlib.contextmanager

@@ -1,16 +1,54 @@
-"""Where an export goes, and which file it may replace."""
+"""Where an export goes, and which file it may replace: one of ours, by what no other program and no log has."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from stagectl.extras import arrow
+from stagectl.kernels import rollout
 from stagectl.problem import Problem, ProblemKind
-from stagectl.recording import export_marks
 from stagectl.recording.hdf5 import Recording, RecordingError
+from stagectl.recording.in_memory import header, units_of
 from stagectl.replacing import check_is_folder, check_replaceable
+from stagectl.units import LINEAR, ROTARY
 
 SUFFIXES = {"csv": ".csv", "parquet": ".parquet", "mat": ".mat", "mcap": ".mcap", "trajectory": ".yaml"}
+_MAT = {"samples": "struct", "units": "struct", "meta": "char"}
+
+
+def _csv(path: Path) -> bool:
+    """All columns of a run: fewer of them are what we ask of a log."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        names = set(file.readline().strip().split(","))
+    columns = (units_of(rollout.COLUMNS, kind) for kind in (ROTARY, LINEAR))
+    return any(names >= {header(name, unit) for name, unit in units.items()} for units in columns)
+
+
+def _parquet(path: Path) -> bool:
+    try:
+        return b"stagectl" in (arrow().parquet.read_schema(path).metadata or {})
+    except (OSError, ValueError):  # no Parquet file
+        return False
+
+
+def _mat(path: Path) -> bool:
+    from scipy.io import whosmat
+
+    try:
+        return {name: kind for name, _, kind in whosmat(str(path), appendmat=False)} == _MAT
+    except Exception:  # whatever scipy meets in a file that is no MAT file
+        return False
+
+
+# A text stands in the beginning of the file; that of an MCAP file is its profile, and the library that wrote it.
+MARKS: dict[str, str | Callable[[Path], bool]] = {
+    "csv": _csv,
+    "parquet": _parquet,
+    "mat": _mat,
+    "mcap": "ros2\x08\0\0\0stagectl",
+    "trajectory": "# The reference of ",
+}
 
 
 def targets(recordings: list[Recording], to: str, path: Path | None) -> list[Path]:
@@ -25,7 +63,7 @@ def targets(recordings: list[Recording], to: str, path: Path | None) -> list[Pat
         _check_suffix(path, to)
     found = [path or recording.path.with_suffix(SUFFIXES[to]) for recording in recordings]
     for target in found:  # under a name that nobody typed may be what somebody has written
-        check_replaceable(target, export_marks.MARKS[to] if path else "")
+        check_replaceable(target, MARKS[to] if path else "")
     return found
 
 

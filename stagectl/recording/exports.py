@@ -20,17 +20,8 @@ from numpy.typing import NDArray
 from stagectl.extras import arrow
 from stagectl.kernels.law import Setpoint
 from stagectl.problem import Problem, ProblemKind
-from stagectl.recording import mcap_log
+from stagectl.recording import export_targets, mcap_log
 from stagectl.recording.constants import AT_REST, RUN
-from stagectl.recording.export_targets import (
-    CAPTURES,
-    NOMINAL,
-    WRITTEN,
-    check_folder,
-    injection_table,
-    setpoints_table,
-    targets,
-)
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.in_memory import header, units_of
 from stagectl.recording.metadata import flat, made_at
@@ -67,7 +58,7 @@ def export(recordings: list[Recording], to: str, path: Path | None) -> list[Expo
         recording.filled("export")
     if to == FOLDER:
         return [write_folder(recordings, path)]
-    found = targets(recordings, to, path)
+    found = export_targets.targets(recordings, to, path)
     return [_write(to, recording, target) for recording, target in zip(recordings, found, strict=True)]
 
 
@@ -76,7 +67,7 @@ def _write(to: str, recording: Recording, path: Path) -> Exported:
         raise RecordingError(f"{path} is the recording itself: choose another file with -o", path, ProblemKind.CONFLICT)
     with RecordingError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE):
         path.parent.mkdir(parents=True, exist_ok=True)
-        notes = WRITERS[to](recording, path)
+        notes = WRITERS[to](recording, path) or []
     return Exported(path, [*notes, *_losses(recording)])
 
 
@@ -98,13 +89,12 @@ def write_columns(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
         arrow().csv.write_csv(table, file, arrow().csv.WriteOptions(include_header=False))
 
 
-def write_csv(recording: Recording, path: Path) -> list[str]:
+def write_csv(recording: Recording, path: Path) -> None:
     """All columns as CSV."""
     write_columns(path, {header(name, unit): recording.column(name) for name, unit in units(recording).items()})
-    return []
 
 
-def write_parquet(recording: Recording, path: Path) -> list[str]:
+def write_parquet(recording: Recording, path: Path) -> None:
     """All columns as Parquet; unit and meaning in each field's metadata, the recording's own under ``stagectl``."""
     known, unit_by_name = quantities(), units(recording)
     fields = [
@@ -115,10 +105,9 @@ def write_parquet(recording: Recording, path: Path) -> list[str]:
     table = arrow().table([recording.column(name) for name in unit_by_name], schema=schema)
     with replaced(path) as fresh:
         arrow().parquet.write_table(table, fresh)
-    return []
 
 
-def write_mat(recording: Recording, path: Path) -> list[str]:
+def write_mat(recording: Recording, path: Path) -> None:
     """A MATLAB file: struct ``samples`` of columns, struct ``units`` with the same names, ``meta`` as JSON."""
     from scipy.io import savemat
 
@@ -130,13 +119,11 @@ def write_mat(recording: Recording, path: Path) -> list[str]:
     }
     with replaced(path) as fresh:
         savemat(str(fresh), content, appendmat=False, oned_as="column")
-    return []
 
 
-def write_mcap(recording: Recording, path: Path) -> list[str]:
+def write_mcap(recording: Recording, path: Path) -> None:
     """All columns as MCAP, for Foxglove and PlotJuggler."""
     mcap_log.write(recording, path, described(units(recording)))
-    return []
 
 
 def described(unit_by_name: Mapping[str, str]) -> dict[str, tuple[str, str]]:
@@ -162,7 +149,7 @@ def write_trajectory(recording: Recording, path: Path) -> list[str]:
     return [f"the record is in motion at its ends: {added} of {RUN:g} s added around it"] if added else []
 
 
-WRITERS: dict[str, Callable[[Recording, Path], list[str]]] = {
+WRITERS: dict[str, Callable[[Recording, Path], list[str] | None]] = {  # what must be said of it, if anything
     "csv": write_csv,
     "parquet": write_parquet,
     "mat": write_mat,
@@ -180,7 +167,7 @@ def write_folder(recordings: list[Recording], path: Path | None) -> Exported:
     holds such files that stagectl has not written.
     """
     folder, entries = path or recordings[0].path.with_suffix(""), _captures(recordings)
-    check_folder(folder, [entry["file"] for entry in entries], path is not None)
+    export_targets.check_folder(folder, [entry["file"] for entry in entries], path is not None)
     nominal = nominal_of(recordings[0])
     for other in recordings[1:]:
         if difference := _difference(nominal, nominal_of(other)):
@@ -195,8 +182,8 @@ def write_folder(recordings: list[Recording], path: Path | None) -> Exported:
         for capture, recording in zip(entries, recordings, strict=True):
             notes += [f"{capture['file']}: {note}" for note in _write_capture(recording, folder / capture["file"])]
             captures.append({**capture, **_beside(recording, folder / capture["file"])})
-        _dump(folder / CAPTURES, {"captures": captures})
-        _dump(folder / NOMINAL, nominal)
+        _dump(folder / export_targets.CAPTURES, {"captures": captures})
+        _dump(folder / export_targets.NOMINAL, nominal)
     return Exported(folder, notes)
 
 
@@ -206,11 +193,11 @@ def _beside(recording: Recording, path: Path) -> dict[str, Any]:
     keys: dict[str, Any] = {}
     added = sum((recording.column(name)[rows] for name in ("learned", "injection") if name in names), np.zeros(1))
     if np.any(added):
-        beside = path.with_name(injection_table(path.name))
+        beside = path.with_name(export_targets.injection_table(path.name))
         write_columns(beside, {"time_s": recording.column("time")[rows], "injection_A": added})
         keys["injection"] = beside.name
     if set(Setpoint._fields) <= set(names):
-        beside, unit = path.with_name(setpoints_table(path.name)), units(recording)
+        beside, unit = path.with_name(export_targets.setpoints_table(path.name)), units(recording)
         write_columns(beside, {header(name, unit[name]): recording.column(name)[rows] for name in Setpoint._fields})
         keys["setpoints"] = beside.name
     return keys
@@ -267,4 +254,4 @@ def _difference(a: dict[str, Any], b: dict[str, Any]) -> str:
 
 def _dump(path: Path, values: Any) -> None:
     text = yaml.safe_dump(values, sort_keys=False, width=120, allow_unicode=True, default_flow_style=None)
-    write_text(path, f"{WRITTEN}\n{text}")
+    write_text(path, f"{export_targets.WRITTEN}\n{text}")

@@ -130,7 +130,8 @@ def _recording(log: Log) -> Recording:
         samples[name] = log.columns.pop(name)  # a long log is in memory once
     first, duration, scales = float(time[0]), float(time[-1] - time[0]), log.scales
     samples["time"] -= first
-    missing = without(names)
+    with log.path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     meta = {
         "name": log.path.stem,
         "trajectory": log.path.stem,
@@ -141,8 +142,8 @@ def _recording(log: Log) -> Recording:
         "nm": None,
         "steady": [0.0, duration],
         "duration": duration,
-        "source": {"file": log.path.name, "sha256": _digest(log.path), "first_time": first},
-        "notes": [*log.notes, *missing],
+        "source": {"file": log.path.name, "sha256": digest, "first_time": first},
+        "notes": [*log.notes, *without(names)],
         "versions": versions(),
         **log.about,
     }
@@ -158,11 +159,6 @@ def _clocked(recording: Recording, setup: Setup | None) -> Recording:
         )
         recording.meta["notes"].insert(0, words)
     return recording
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _checked(log: Log, stamps: Array) -> Array:

@@ -98,13 +98,9 @@ def _chosen(path: Path, content: dict[str, Any], taken: Scales | None, chosen: l
     scales, found = of_choices(chosen, taken, path, known)
     check_once(path, {choice.quantity: ((choice.name, choice.number), choice.name) for choice, _ in found.values()})
     columns = {ours: scale * _vector(path, content, choice) for ours, (choice, scale) in found.items()}
-    log = _log(path, scales, columns, [_unit_note(choice) for choice in chosen if unit_of(choice) == ""], {})
-    return log._replace(labels={ours: choice.name for ours, (choice, _) in found.items()})
-
-
-def _unit_note(choice: Choice) -> str:
-    unit = "s" if choice.quantity == "time" else "A"
-    return f"{choice.name} has no unit: it is taken as the {choice.quantity} in {unit}"
+    taken_in = {choice: "s" if choice.quantity == "time" else "A" for choice in chosen if unit_of(choice) == ""}
+    notes = [f"{one.name} has no unit: it is taken as the {one.quantity} in {unit}" for one, unit in taken_in.items()]
+    return _log(path, scales, columns, notes, {})._replace(labels={ours: one.name for ours, (one, _) in found.items()})
 
 
 def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:

@@ -32,13 +32,14 @@ def write(recording: Recording, path: Path, fields: dict[str, tuple[str, str]]) 
     from mcap.writer import Writer
 
     times = _times(recording)
+    rows = np.column_stack([recording.column(name) for name in fields]).astype("<f8", copy=False)
     with replaced(path) as fresh, fresh.open("wb") as file:
         writer: Any = Writer(file)
         writer.start(profile="ros2", library="stagectl")
         schema = writer.register_schema(DEFINITION, "ros2msg", definition(fields).encode())
         channel = writer.register_channel(TOPIC, "cdr", schema)
-        for number, (time, row) in enumerate(zip(times.tolist(), _rows(recording, list(fields)), strict=True)):
-            writer.add_message(channel, time, CDR + row, time, number)
+        for number, (time, row) in enumerate(zip(times.tolist(), rows, strict=True)):
+            writer.add_message(channel, time, CDR + row.tobytes(), time, number)
         writer.add_metadata("stagectl", {"meta": json.dumps(recording.meta), "ended": recording.ended})
         for carried in recording.meta.get("files", {}).values():
             text = carried["text"].encode()
@@ -60,8 +61,3 @@ def _times(recording: Recording) -> NDArray[np.int64]:
     seconds = recording.column("time")
     times: NDArray[np.int64] = np.round((seconds - seconds[0]) * 1e9).astype(np.int64)
     return np.add(times, int(began) * 1_000_000_000)
-
-
-def _rows(recording: Recording, columns: list[str]) -> list[bytes]:
-    table = np.column_stack([recording.column(name) for name in columns]).astype("<f8", copy=False)
-    return [row.tobytes() for row in table]

@@ -67,13 +67,9 @@ def made_at(meta: Mapping[str, Any]) -> float:
     return datetime.datetime.strptime(meta["created"], STAMP).timestamp()
 
 
-def versions() -> dict[str, str]:
-    """Versions of this program, its kernels, the packages it needs, and the machine."""
-    return dict(_versions())
-
-
 @functools.cache
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of this program, its kernels, the packages it needs, and the machine; the same object for all."""
     known = {"python": platform.python_version(), "kernels": source_hash(), "system": platform.platform()}
     for package in _PACKAGES:
         try:

@@ -48,7 +48,7 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
         nominal: dict[str, Any] = meta["nominal"]
         return nominal
     if "law" not in meta:
-        return {"stage": {"name": meta["name"], **_axis(meta["axis"])}}
+        return {"stage": {"name": meta["name"], **axis_values(meta["axis"])}}
     file = carried_stage(recording)
     return {
         "stage": _stage(file, meta["axis"]),
@@ -93,7 +93,8 @@ def carried_stage(recording: Recording) -> StageFile:
     return file
 
 
-def _axis(axis: dict[str, Any]) -> dict[str, Any]:
+def axis_values(axis: dict[str, Any]) -> dict[str, Any]:
+    """What nominal.yaml says of an axis, from the entry of a recording's meta."""
     linear, screw = axis["kind"] == LINEAR, axis["travel_unit"] == "m"
     known = {
         "kind": LINEAR if linear else ("ball-screw" if screw else ROTARY),
@@ -109,7 +110,7 @@ def _stage(file: StageFile, axis: dict[str, Any]) -> dict[str, Any]:
     mechanics, wave = file.mechanics, file.encoder.interpolation
     return {
         "name": file.name,
-        **_axis(axis),
+        **axis_values(axis),
         "force_constant": file.motor.force_constant,
         "inertia": mechanics.inertia,
         "viscous": mechanics.viscous,
@@ -133,12 +134,6 @@ def _friction(file: StageFile) -> dict[str, Any]:
         **({"stribeck": file.friction.stribeck._asdict()} if file.friction.stribeck.rise else {}),
         **({"bristle": written(beside)} if beside.coulomb else {}),
     }
-
-
-def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
-    """The bristle that a compensation by the stage's own model runs in addition to its stop operators."""
-    bristle = friction_of(file.friction).bristle
-    return {"friction_bristle": written(bristle)} if compensated and bristle.coulomb else {}
 
 
 def _drive(file: StageFile) -> dict[str, Any]:
@@ -215,15 +210,16 @@ def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
     """The parts of the command other than the feedback."""
     ahead, dt = meta["feedforward"], meta["dt"]
     advance = file.drive.current_lag + meta["nd"] * dt + file.drive.dead_time
-    form = meta["compensation"]["form"]
-    friction = ahead["friction"] if ahead["with_friction"] and form == "model" else {"weight": (), "slip": ()}
+    by_model, bristle = meta["compensation"]["form"] == "model", friction_of(file.friction).bristle
+    friction = ahead["friction"] if ahead["with_friction"] and by_model else {"weight": (), "slip": ()}
+    beside = ahead["with_friction"] and by_model and bristle.coulomb  # in addition to the stop operators
     return {
         "model_inertia": file.mechanics.inertia,
         "model_viscous": file.mechanics.viscous,
         "model_force_constant": ahead["force_constant"],
         "feedforward": "perfect tracking" if ahead["with_ptc"] else "none: y0 is the reference",
-        **({"friction_compensation": meta["compensation"]} if form != "model" and ahead["with_friction"] else {}),
-        **_bristle(file, form == "model" and ahead["with_friction"]),
+        **({"friction_compensation": meta["compensation"]} if ahead["with_friction"] and not by_model else {}),
+        **({"friction_bristle": written(bristle)} if beside else {}),
         "friction_weight": list(friction["weight"]),
         "friction_slip": list(friction["slip"]),
         "effect_feedforward": "nominal" if "effects" in meta.get("layers", ()) else "none",

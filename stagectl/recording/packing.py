@@ -27,7 +27,7 @@ from stagectl.recording.constants import BLOCK, LARGEST_COUNT, PACKING
 
 Array = NDArray[np.float64]
 Bits = NDArray[np.uint64]
-Columns = Mapping[str, Any]  # name: (n,) values
+Columns = Any  # (n,) values by name
 _FLOAT, _BITS = struct.Struct("<d"), struct.Struct("<Q")
 
 
@@ -76,10 +76,6 @@ def layout(meta: Mapping[str, Any], columns: Collection[str]) -> Layout:
     return Layout(stepped, gains)
 
 
-def _error(_: Gains, c: Columns) -> Prediction:
-    return Prediction(np.where(c["closed"] == 0.0, 0.0, c["target"] - c["measured"]))
-
-
 def _acting(p: Gains, c: Columns) -> Array:
     """The error that the feedback sees: `kernels.law.acted_on` over columns."""
     error = c["error"]
@@ -110,7 +106,7 @@ def _command(_: Gains, c: Columns) -> Prediction:
 
 # In this order: each uses columns of those before it.
 RULES: dict[str, Callable[[Gains, Columns], Prediction]] = {
-    "error": _error,
+    "error": lambda _, c: Prediction(np.where(c["closed"] == 0.0, 0.0, c["target"] - c["measured"])),
     "proportional": lambda p, c: Prediction(p.proportional * _acting(p, c)),
     "integral": _integral,
     "derivative": _derivative,
@@ -214,7 +210,7 @@ def _created(file: h5py.File, name: str, columns: Collection[str], kind: str) ->
     return file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(BLOCK,), **packed)
 
 
-class Packed(Mapping[str, Array]):
+class Packed:
     """The columns of a file, each restored when it is first asked for."""
 
     def __init__(self, file: h5py.File) -> None:
@@ -234,12 +230,6 @@ class Packed(Mapping[str, Array]):
             with np.errstate(all="ignore"):
                 self._columns[name] = self._column(name)
         return self._columns[name]
-
-    def __iter__(self) -> Any:
-        return iter(self.names)
-
-    def __len__(self) -> int:
-        return len(self.names)
 
     def _column(self, name: str) -> Array:
         if name not in self._p.packed:

@@ -25,7 +25,7 @@ from stagectl.number_format import duration
 from stagectl.recording import constants
 from stagectl.recording.clipping import clipped
 from stagectl.recording.columns import Array, Log
-from stagectl.units import ROTARY
+from stagectl.units import unit_on
 
 _POSITIONS = ("measured", "reference")
 _EFFORTS = ("measured_current", "command")
@@ -33,15 +33,14 @@ _EFFORTS = ("measured_current", "command")
 
 def repaired(log: Log) -> Log:
     """The log on sound rows, with a note for all that was done to it."""
-    log = _with_position(log)
-    columns, notes = _on_position_rows(log)
-    columns, notes = _without_repeats(columns, notes)
-    columns["time"], words = recovered(columns["time"])
-    notes += [words] if words else []
-    columns, notes = _without_spikes(log, columns, notes)
-    notes += _unwrap(log, columns)
-    notes += _clipped_notes(log, columns)
-    return log._replace(columns=columns, notes=notes)
+    log, notes = _with_position(log), list[str]()
+    columns = _on_position_rows(log, notes)
+    columns = _without_repeats(columns, notes)
+    columns["time"] = recovered(columns["time"], notes)
+    columns = _without_spikes(log, columns, notes)
+    _unwrap(log, columns, notes)
+    _note_clipped(log, columns, notes)
+    return log._replace(columns=columns, notes=[*log.notes, *notes])
 
 
 def _with_position(log: Log) -> Log:
@@ -60,13 +59,15 @@ def label(log: Log, name: str) -> str:
     return log.labels.get(name, name)
 
 
-def _on_position_rows(log: Log) -> tuple[dict[str, Array], list[str]]:
+def _on_position_rows(log: Log, notes: list[str]) -> dict[str, Array]:
     """Rows with a time and a position; columns that were sampled at other rows are interpolated."""
     sound = np.isfinite(log.columns["time"]) & np.isfinite(log.columns["measured"])
     count = int(np.count_nonzero(sound))
     if count == len(sound) or count < 2:
-        return dict(log.columns), [*log.notes]
-    columns, notes = {}, []
+        return dict(log.columns)
+    row, columns = int(np.argmin(sound)) + 1, {}
+    words = f"{len(sound) - count} of {len(sound)} rows have no time or no position, the first is row {row}: left out"
+    notes.append(words)
     for name, column in log.columns.items():
         columns[name] = column[sound]
         if name in _POSITIONS[:1] or np.mean(np.isfinite(columns[name])) >= 0.5:
@@ -75,27 +76,26 @@ def _on_position_rows(log: Log) -> tuple[dict[str, Array], list[str]]:
         if np.count_nonzero(there) > 1:
             columns[name] = np.interp(log.columns["time"][sound], log.columns["time"][there], column[there])
             notes.append(f"{label(log, name)} was sampled at other rows than the position: interpolated linearly")
-    row = int(np.argmin(sound)) + 1
-    words = f"{len(sound) - count} of {len(sound)} rows have no time or no position, the first is row {row}: left out"
-    return columns, [*log.notes, words, *notes]
+    return columns
 
 
-def _without_repeats(columns: dict[str, Array], notes: list[str]) -> tuple[dict[str, Array], list[str]]:
+def _without_repeats(columns: dict[str, Array], notes: list[str]) -> dict[str, Array]:
     again = written_twice(columns["time"], {name: column for name, column in columns.items() if name != "time"})
     if not np.any(again):
-        return columns, notes
+        return columns
     first = float(columns["time"][int(np.argmax(again))] - columns["time"][0])
     words = f"{np.count_nonzero(again)} of {len(again)} rows repeat the row before them, the first at {first:.6g} s"
-    return {name: column[~again] for name, column in columns.items()}, [*notes, f"{words}: left out"]
+    notes.append(f"{words}: left out")
+    return {name: column[~again] for name, column in columns.items()}
 
 
-def _without_spikes(log: Log, columns: dict[str, Array], notes: list[str]) -> tuple[dict[str, Array], list[str]]:
+def _without_spikes(log: Log, columns: dict[str, Array], notes: list[str]) -> dict[str, Array]:
     time, bad = columns["time"], np.zeros(len(columns["time"]), dtype=np.bool_)
     for name in (*_POSITIONS, *_EFFORTS):
         if name in columns and len(rows := spikes(columns[name], name in _EFFORTS)):
             bad[rows] = True
-            notes = [*notes, f"{label(log, name)} {_spike_words(time - time[0], rows)}"]
-    return ({name: column[~bad] for name, column in columns.items()} if np.any(bad) else columns), notes
+            notes.append(f"{label(log, name)} {_spike_words(time - time[0], rows)}")
+    return {name: column[~bad] for name, column in columns.items()} if np.any(bad) else columns
 
 
 def _spike_words(time: Array, rows: NDArray[np.intp]) -> str:
@@ -104,19 +104,16 @@ def _spike_words(time: Array, rows: NDArray[np.intp]) -> str:
     return f"has {len(rows)} single misread value{'s' if len(rows) > 1 else ''} (at {shown}{more}): left out"
 
 
-def _unwrap(log: Log, columns: dict[str, Array]) -> list[str]:
-    notes = []
+def _unwrap(log: Log, columns: dict[str, Array], notes: list[str]) -> None:
     for name in _POSITIONS:
         if name in columns and (size := wrap_of(columns[name], log.scales.encoder_step)):
             wraps = int(np.count_nonzero(np.abs(np.diff(columns[name])) > 0.5 * size))
             columns[name] = unwrapped(columns[name], size)
-            unit = "rad" if log.scales.kind == ROTARY else "m"
+            unit = unit_on(log.scales.kind, "rad | m")
             notes.append(f"{label(log, name)} wraps {wraps} times at {size:.6g} {unit}: unwrapped")
-    return notes
 
 
-def _clipped_notes(log: Log, columns: dict[str, Array]) -> list[str]:
-    notes = []
+def _note_clipped(log: Log, columns: dict[str, Array], notes: list[str]) -> None:
     for name in _EFFORTS:
         column = columns.get(name, np.zeros(0))
         if len(column) < constants.JUDGED_ROWS or not np.all(np.isfinite(column)) or not len(rows := clipped(column)):
@@ -124,7 +121,6 @@ def _clipped_notes(log: Log, columns: dict[str, Array]) -> list[str]:
         first = float(columns["time"][rows[0]] - columns["time"][0])
         span = duration(float(len(rows)) * float(np.median(np.diff(columns["time"]))))
         notes.append(f"{label(log, name)} is clipped at {abs(column[rows[0]]):.4g} A for {span}, from {first:.6g} s on")
-    return notes
 
 
 def spikes(column: Array, effort: bool) -> NDArray[np.intp]:
@@ -213,24 +209,25 @@ def written_twice(time: Array, columns: Mapping[str, Array]) -> NDArray[np.bool_
     if np.array_equal(same, again):
         distinct = any(np.any(np.diff(column)[~again[1:]] != 0.0) for column in columns.values())
     else:  # an axis at rest repeats its values
-        distinct = not recovered(time)[1]
+        distinct = recovered(time, []) is time
     return same if distinct else np.zeros(len(time), dtype=np.bool_)
 
 
-def recovered(time: Array) -> tuple[Array, str]:
-    """The instants (n,) s behind rounded stamps and a note; the stamps themselves where they are not rounded."""
+def recovered(time: Array, notes: list[str]) -> Array:
+    """The instants (n,) s behind rounded stamps, noted; the stamps themselves where they are not rounded."""
     steps = np.diff(time)
     if len(time) < constants.JUDGED_ROWS or not np.all(steps >= 0.0) or _even(steps):
-        return time, ""
+        return time
     clock = float(np.min(steps[steps > 0.0], initial=np.inf))
     exact = float(np.mean(np.abs(steps - clock) > constants.CLOCK_DIGITS * clock)) < constants.LOST_ROWS
     if exact or not _multiples(steps, clock):
-        return time, ""
+        return time
     instants, dt = _on_grid(time, steps, clock)
     if dt <= 0.0 or float(np.max(np.abs(instants - time))) > constants.CLOCK_ERROR * clock:
-        return time, ""
+        return time
     words = f"time stamps are rounded to {duration(clock)}: rows are taken every {duration(dt)}, as their number shows"
-    return instants, words
+    notes.append(words)
+    return instants
 
 
 def _even(steps: Array) -> bool:

@@ -18,7 +18,7 @@ from stagectl.config.source import compose
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.units import LINEAR, ROTARY, UnitError, factor, in_base_units
+from stagectl.units import LINEAR, ROTARY, UnitError, factor, in_base_units, unit_on
 
 # A share of the rated current, as CiA 402 has it in 0x6077 and traces of many drives have it in a header.
 SHARES = {
@@ -72,7 +72,7 @@ class Scales(NamedTuple):
 
         Raises RecordingError where the axis or a missing scale forbids it.
         """
-        inside = "m" if self.kind == LINEAR else "rad"
+        inside = unit_on(self.kind, "rad | m")
         if unit == "counts":
             return self._known(self.encoder_step, "counts", "stage.encoder_step")
         try:
@@ -87,7 +87,7 @@ class Scales(NamedTuple):
 
     def speed(self, unit: str) -> float:
         """Factor from a velocity in `unit`, such as ``mm/s`` or ``rpm``, to rad/s | m/s."""
-        inside = "m/s" if self.kind == LINEAR else "rad/s"
+        inside = unit_on(self.kind, "rad/s | m/s")
         if unit.startswith("counts"):
             return self.position("counts")
         return factor(unit or inside, inside)
@@ -103,7 +103,7 @@ class Scales(NamedTuple):
             return factor(unit, "V") * self._known(self.amplifier, "a voltage", "drive.amplifier_A_per_V")
         if (spaced := _TORQUE.sub(" ", unit)) in _EFFORTS:
             constant = self._known(self.force_constant, f"an effort in {unit}", "stage.force_constant")
-            return factor(spaced, "N" if self.kind == LINEAR else "N m") / constant
+            return factor(spaced, unit_on(self.kind, "N m | N")) / constant
         return factor(unit, "A")
 
     def _known(self, value: float, what: str, key: str, where: str = "") -> float:
@@ -154,7 +154,7 @@ def scales_of_nominal(nominal: dict[str, Any], place: Path) -> Scales:
     Raises RecordingError where the axis is not known or a scale is not a positive number.
     """
     stage, drive = _block(nominal, "stage", place), _block(nominal, "drive", place)
-    unit = stage.get("position_unit") or ("m" if stage.get("kind") == LINEAR else "rad")
+    unit = stage.get("position_unit") or unit_on(stage.get("kind", ""), "rad | m")
     if unit not in ("m", "rad"):
         raise RecordingError(f"stage.position_unit = {unit}; must be rad or m ({place})", place, ProblemKind.VALUE)
     kind = LINEAR if unit == "m" else ROTARY

@@ -58,10 +58,6 @@ def numbers(column: Any) -> NDArray[np.float64]:
     first = next((value.as_py() for value in counts if value.is_valid), 0)
     since = arrow().compute.subtract(counts, arrow().scalar(first, arrow().int64()))  # exact, as no float of a date is
     seconds = _NANO * np.asarray(since.cast(arrow().float64()).to_numpy())
-    return _across_midnight(seconds) if clock else seconds
-
-
-def _across_midnight(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Clock times that run on: one that falls by more than half a day is of the next."""
-    seconds[1:] += _DAY * np.cumsum(np.diff(seconds) < -0.5 * _DAY)
+    if clock:  # they run on across midnight: one that falls by more than half a day is of the next
+        seconds[1:] += _DAY * np.cumsum(np.diff(seconds) < -0.5 * _DAY)
     return seconds

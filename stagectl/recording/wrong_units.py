@@ -17,20 +17,7 @@ from scipy import signal
 
 from stagectl.kernels import stage
 from stagectl.number_format import duration
-from stagectl.recording.constants import (
-    CHECKED_ROWS,
-    CONFUSED,
-    LEAST_RATIO,
-    MODEL_DIFFERS,
-    MODEL_FITS,
-    MOTION_BAND,
-    MUCH_BETTER,
-    RARE_ROWS,
-    SAME_RATIO,
-    SAME_STEP,
-    UNIT_SLOW,
-    USUAL_STEPS,
-)
+from stagectl.recording import constants
 from stagectl.recording.scales import Scales
 from stagectl.units import factor
 
@@ -73,8 +60,8 @@ def _ratios(families: tuple[tuple[str, ...], ...]) -> dict[float, list[tuple[str
     for units in families:
         for real, named in itertools.permutations(units, 2):
             ratio = factor(real, named)
-            if abs(math.log(ratio)) > math.log(LEAST_RATIO):
-                same = next((known for known in found if abs(known / ratio - 1.0) < SAME_RATIO), ratio)
+            if abs(math.log(ratio)) > math.log(constants.LEAST_RATIO):
+                same = next((known for known in found if abs(known / ratio - 1.0) < constants.SAME_RATIO), ratio)
                 found.setdefault(same, []).append((real, named))
     return found
 
@@ -93,14 +80,14 @@ def by_step(ratio: float, scales: Scales) -> str:
     pairs = [
         (real, named)
         for named, real in itertools.permutations(known, 2)
-        if abs(ratio * known[real] / known[named] - 1.0) < SAME_STEP
+        if abs(ratio * known[real] / known[named] - 1.0) < constants.SAME_STEP
     ]
     return _size("position", 1.0 / ratio, pairs) if pairs else ""
 
 
 def by_rows(dt: float, period: float) -> str:
     """The wrong unit of time that makes a log's `dt` (s) of the stage's `period` (s); empty where none does."""
-    causes = [m.words for m in MISTAKES if m.time != 1.0 and abs(dt * m.time / period - 1.0) < SAME_STEP]
+    causes = [m.words for m in MISTAKES if m.time != 1.0 and abs(dt * m.time / period - 1.0) < constants.SAME_STEP]
     return next(iter(causes), "")
 
 
@@ -109,9 +96,9 @@ def by_pace(dt: float) -> str:
 
     It asks no model: what that lacks, such as gravity, can hide the mistake from `likely_mistake`.
     """
-    low, high = USUAL_STEPS
+    low, high = constants.USUAL_STEPS
     causes = [m.words for m in MISTAKES if m.time < 1.0 and low <= dt * m.time <= high]
-    if dt <= RARE_ROWS or not causes:
+    if dt <= constants.RARE_ROWS or not causes:
         return ""
     remedy = "name the unit of the times in the column's header or in --columns (time=1:ms)"
     return f"rows come every {duration(dt)}, unless {causes[0]}: {remedy}"
@@ -120,16 +107,15 @@ def by_pace(dt: float) -> str:
 def _wrong(column: str) -> list[Mistake]:
     """Every mistake between two units of a `column`: time, position or current."""
     mistakes = []
-    for ratio, pairs in _ratios(CONFUSED[column]).items():
+    for ratio, pairs in _ratios(constants.CONFUSED[column]).items():
         words = _size(column, ratio, pairs)
-        factors = {name: ratio if name == column else 1.0 for name in CONFUSED}
-        example = f"{column}=N:{pairs[0][0]}"
-        mistakes.append(Mistake(factors["time"], factors["position"], factors["current"], words, example))
+        factors = {name: ratio if name == column else 1.0 for name in constants.CONFUSED}
+        mistakes.append(Mistake(**factors, words=words, example=f"{column}=N:{pairs[0][0]}"))
     return mistakes
 
 
 MISTAKES = (
-    *itertools.chain.from_iterable(map(_wrong, CONFUSED)),
+    *itertools.chain.from_iterable(map(_wrong, constants.CONFUSED)),
     Mistake(1.0, 1.0, -1.0, "the current has the opposite sign"),
 )
 
@@ -144,11 +130,11 @@ class Motion(NamedTuple):
 
 def motion(position: Array, current: Array, dt: float) -> Motion:
     """Columns averaged in blocks to at most `CHECKED_ROWS` rows, then low-passed, without the ends."""
-    block = 1 + len(position) // CHECKED_ROWS
+    block = 1 + len(position) // constants.CHECKED_ROWS
     rows = len(position) // block
-    edge = min(round(1.0 / MOTION_BAND), rows // 8)
+    edge = min(round(1.0 / constants.MOTION_BAND), rows // 8)
     inside = slice(edge, rows - edge)
-    sos = signal.butter(2, 2.0 * MOTION_BAND, output="sos")
+    sos = signal.butter(2, 2.0 * constants.MOTION_BAND, output="sos")
     x, i = (
         np.asarray(signal.sosfiltfilt(sos, column[: rows * block].reshape(rows, block).mean(axis=1)), dtype=np.float64)
         for column in (position, current)
@@ -161,8 +147,8 @@ def likely_mistake(motion: Motion, p: stage.Stage) -> Mistake | None:
     """The mistake without which the force would fit the model `p`; None where none is likely."""
     as_recorded = _unexplained(motion, p, Mistake(1.0, 1.0, 1.0, ""))
     share, best = min(((_unexplained(motion, p, mistake), mistake) for mistake in MISTAKES), key=lambda pair: pair[0])
-    blind = as_recorded > MODEL_DIFFERS and share < MODEL_FITS
-    return best if blind or share < min(MODEL_FITS, MUCH_BETTER * as_recorded) else None
+    blind = as_recorded > constants.MODEL_DIFFERS and share < constants.MODEL_FITS
+    return best if blind or share < min(constants.MODEL_FITS, constants.MUCH_BETTER * as_recorded) else None
 
 
 def _unexplained(motion: Motion, p: stage.Stage, wrong: Mistake) -> float:
@@ -170,7 +156,7 @@ def _unexplained(motion: Motion, p: stage.Stage, wrong: Mistake) -> float:
     v = motion.velocity * (wrong.position / wrong.time)
     a = motion.acceleration * (wrong.position / wrong.time**2)
     coulomb = stage.sliding(p.friction)
-    slow = UNIT_SLOW * float(np.abs(v).max())
+    slow = constants.UNIT_SLOW * float(np.abs(v).max())
     model = p.mechanics.inertia * a + p.mechanics.viscous * v + coulomb * v / (np.abs(v) + slow)
     force = p.motor.force_constant * wrong.current * motion.current
     difference = (force - force.mean()) - (model - model.mean())

@@ -6,17 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.evaluation import tracking_error, window
-from stagectl.number_format import prefix
 from stagectl.recording.hdf5 import open_recording
-from stagectl.recording.metadata import versions
 from stagectl.report import interactive
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, drawing, embedded, plain_decades
+from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, embedded, plain_decades, prefixed
 from stagectl.report.page import Page, Picture
 from stagectl.report.tables.comparison import tables
 
@@ -45,7 +42,6 @@ def page(result: Result, commands: list[str]) -> Page:
         _pictures(result),
         tables(result),
         commands,
-        versions(),
     )
 
 
@@ -66,16 +62,10 @@ def _colour(result: Result, name: str) -> str:
     return WITHOUT if name == result["variants"][0]["name"] else TARGET
 
 
-def _scale(values: Any, unit: str) -> tuple[float, str]:
-    """Factor and unit in which `values` (m or rad) read well."""
-    letter, factor = prefix(float(np.max(np.abs(values), initial=0.0)))
-    return factor, f"{letter}{unit}"
-
-
 def peaks(result: Result) -> Figure:
     """Peak error of each repeat, a row a variant."""
     rows = result["variants"]
-    scale, unit = _scale([variant["peak"]["mean"] for variant in rows], result["unit"])
+    scale, unit = prefixed([variant["peak"]["mean"] for variant in rows], result["unit"])
     with drawing(figsize=(WIDTH, 1.0 + 0.42 * len(rows))) as (figure, axes):
         for place, variant in enumerate(rows):
             colour = _colour(result, variant["name"])
@@ -106,13 +96,11 @@ def _decades(axes: Axes, values: Any) -> None:
 def errors(result: Result) -> Figure:
     """The last repeat's error over time, a panel a variant."""
     rows = result["variants"]
-    with mpl.rc_context(STYLE):
-        figure, grid = plt.subplots(
-            len(rows), 1, figsize=(WIDTH, 0.6 + 1.0 * len(rows)), sharex=True, squeeze=False, layout="constrained"
-        )
+    size = (WIDTH, 0.6 + 1.0 * len(rows))
+    with drawing(len(rows), 1, figsize=size, sharex=True, squeeze=False) as (figure, grid):
         for axes, variant in zip(grid[:, 0], rows, strict=True):
             time, error = _error(Path(variant["recordings"][-1]))
-            scale, unit = _scale(error, result["unit"])
+            scale, unit = prefixed(error, result["unit"])
             axes.plot(time, scale * error, color=_colour(result, variant["name"]), linewidth=0.8)
             axes.set_title(variant["name"], loc="left", fontsize=8, pad=2, color=TARGET)
             axes.set_ylabel(f"error [{unit}]")
@@ -134,7 +122,7 @@ def courses(learned: list[Result]) -> Figure:
     """Error over the whole run of each trial, a line a learning."""
     with drawing(figsize=(WIDTH, 3.1)) as (figure, axes):
         values = [[trial["whole"]["rms"] for trial in course["trials"]] for course in learned]
-        scale, unit = _scale(np.concatenate(values), learned[0]["unit"])
+        scale, unit = prefixed(np.concatenate(values), learned[0]["unit"])
         for colour, course, rms in zip((WITH, TARGET, WITHOUT, "#7c3aed"), learned, values, strict=False):
             axes.plot(
                 range(1, len(rms) + 1), scale * np.array(rms), "o-", color=colour, markersize=4, label=course["name"]

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.config.stage_blocks import Axis as StageAxis
+from stagectl.number_format import prefix
 from stagectl.units import LINEAR
 
 TARGET, WITHOUT, WITH = "#334155", "#d97706", "#0f766e"  # reference, without and with compensation
@@ -73,6 +74,26 @@ def effort_unit(kind: str) -> str:
 def displacement_unit(axis: StageAxis) -> tuple[float, str]:
     """Factor from rad | m, and unit, in which a displacement after a reversal is drawn."""
     return (1e6 * axis.travel_per_unit, "µm") if axis.travel_unit == "m" else (1e3, "mrad")
+
+
+class Scale(NamedTuple):
+    """A factor, and the unit that a number has after it."""
+
+    factor: float
+    unit: str
+
+
+def prefixed(values: Any, unit: str, per: float = 1.0) -> Scale:
+    """The prefix in which the largest of `values` reads well; one of them is `per` of that `unit`."""
+    letter, factor = prefix(per * float(np.nanmax(np.abs(values), initial=0.0)))
+    return Scale(per * factor, f"{letter}{unit}")
+
+
+def legend_of_each(axes: Axes, **options: Any) -> None:
+    """A legend with each name once."""
+    handles, labels = axes.get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    axes.legend(list(once.values()), list(once), **options)
 
 
 def plain_decades(axis: Axis) -> None:

@@ -8,9 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from stagectl.gap.effects.library import label
-from stagectl.number_format import length, percent, portion, prefix
-from stagectl.recording.metadata import versions
-from stagectl.report.figures import WITH, WITHOUT, drawing, embedded
+from stagectl.number_format import length, percent, portion
+from stagectl.report.figures import WITH, WITHOUT, drawing, embedded, prefixed
 from stagectl.report.page import Page, Picture, Table
 
 Result = dict[str, Any]
@@ -85,7 +84,7 @@ def page(result: Result, commands: list[str]) -> Page:
     """The page of `workflows.gap_closing.close`."""
     pictures = [Picture(embedded(errors(result)), _CAPTION)] if result["errors"] else []
     title = f"stagectl gap close: {result['stage']}"
-    return Page(title, sentence(result), notes(result), pictures, tables(result), commands, versions())
+    return Page(title, sentence(result), notes(result), pictures, tables(result), commands)
 
 
 _CAPTION = "Rms tracking error of each repeat, before and after."
@@ -97,7 +96,7 @@ def errors(result: Result) -> Figure:
     everything = np.concatenate(
         [result["errors"][motion][name]["rms"]["values"] for motion in motions for name in ("before", "after")]
     )
-    letter, factor = prefix(float(np.max(everything)))
+    factor, unit = prefixed(everything, result["unit"])
     with drawing(figsize=(_WIDTH, 1.2 + 0.5 * len(motions))) as (figure, axes):
         for row, motion in enumerate(motions):
             for name, colour in (("before", WITHOUT), ("after", WITH)):
@@ -107,6 +106,6 @@ def errors(result: Result) -> Figure:
         axes.set_yticks(range(len(motions)), [motion.removeprefix("unseen-").replace("-", " ") for motion in motions])
         axes.set_ylim(len(motions) - 0.5, -0.5)
         axes.set_xlim(left=0.0)
-        axes.set_xlabel(f"rms tracking error [{letter}{result['unit']}]")
+        axes.set_xlabel(f"rms tracking error [{unit}]")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 0.5 / len(motions)), ncols=2)
     return figure

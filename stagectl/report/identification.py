@@ -12,7 +12,6 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.number_format import duration, length
-from stagectl.recording.metadata import versions
 from stagectl.report import interactive
 from stagectl.report.constants import MOST_CAPTURES, MOST_POINTS
 from stagectl.report.figures import TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded, weights
@@ -33,15 +32,14 @@ def page(result: dict[str, Any], source: tuple[IdentificationResult, Sequence[Ca
     """The page of the JSON `result` of `methods.result`, and its `source`; `command` repeats the identification."""
     identified, captures, setup = source
     own = _module(result["method"])
-    pictures = [] if own is None else list(own.pictures(identified, list(captures), setup.file))
+    pictures = [] if own is None else list(own.pictures(identified, setup.file))
     if identified.table is not None and not pictures:
         pictures.append(Picture(embedded(characteristic(identified.table, setup)), "Friction after a reversal."))
     for capture in captures[:MOST_CAPTURES]:
         pictures.append(interactive.picture(motion(capture, setup), f"Position and current of {_name(capture)}."))
     title, notes = f"stagectl identify {result['method']}: {result['stage']}", [*result["notes"], *_notes(captures)]
-    shown = [parameters(result), *(own.tables(identified) if hasattr(own, "tables") else [])]
-    shown += [*_correlations(result), _captures(captures)]
-    return Page(title, answer(result), notes, pictures, shown, [command], versions())
+    shown = [parameters(result), *_correlations(result), _captures(captures)]
+    return Page(title, answer(result), notes, pictures, shown, [command])
 
 
 def answer(result: dict[str, Any]) -> str:
@@ -71,10 +69,11 @@ def _correlations(result: dict[str, Any]) -> list[Table]:
 
 
 def _captures(captures: Sequence[Capture]) -> Table:
-    rows = []
-    for capture in captures:
-        count, current = len(capture.time), capture.current_column.replace("_", " ")
-        rows.append([_name(capture), str(count), duration(capture.dt * count), duration(capture.dt), current])
+    rows = [
+        [_name(one), str(n), duration(one.dt * n), duration(one.dt), one.current_column.replace("_", " ")]
+        for one in captures
+        for n in [len(one.time)]
+    ]
     return Table("Captures", ["capture", "rows", "length", "step", "current taken from"], rows)
 
 
@@ -92,7 +91,7 @@ def _name(capture: Capture) -> str:
 
 
 def _module(name: str) -> Any:
-    """The method's report module: ``pictures(found, captures, file)``, and ``tables(found)`` if it has any."""
+    """The method's report module: ``pictures(found, file)``."""
     module = _FIGURES.get(name)
     return importlib.import_module(f"stagectl.report.methods.{module}") if module else None
 

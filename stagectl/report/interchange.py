@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.export import ExportedModel
 from stagectl.interchange.round_trip import Array, Compared
-from stagectl.recording.metadata import versions
 from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing
 from stagectl.report.interactive import picture
 from stagectl.report.page import Page, Picture, Table
@@ -34,7 +33,6 @@ def page(setup: Setup, exported: ExportedModel, command: str) -> Page:
             Table("Not held", ["entry"], [[words] for words in exported.lost or [NOTHING]], (0,)),
         ],
         [command],
-        versions(),
         narrow=True,
     )
 

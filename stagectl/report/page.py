@@ -8,9 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from stagectl.problem import Problem, ProblemKind
 from stagectl.replacing import PAGE, check_replaceable, write_text
-from stagectl.units import StageError
 from stagectl.web import assets
 
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b|Hz\b)")
@@ -39,10 +37,10 @@ class Section(NamedTuple):
     """A part of a longer report: text, figures and tables on one subject."""
 
     title: str
-    words: list[str]
-    figures: list[Picture]
-    tables: list[Table]
-    commands: tuple[str, ...] = ()  # to run next
+    words: Sequence[str] = ()
+    figures: Sequence[Picture] = ()
+    tables: Sequence[Table] = ()
+    commands: Sequence[str] = ()  # to run next
 
 
 class Page(NamedTuple):
@@ -50,22 +48,15 @@ class Page(NamedTuple):
 
     title: str
     answer: str
-    notes: list[str]
-    figures: list[Picture]
-    tables: list[Table]
-    commands: list[str]
-    versions: dict[str, str]
-    sections: tuple[Section, ...] = ()  # after the page's own figures and tables
+    notes: Sequence[str] = ()
+    figures: Sequence[Picture] = ()
+    tables: Sequence[Table] = ()
+    commands: Sequence[str] = ()
+    versions: Mapping[str, str] = {}  # of the software behind the results; empty: of what is installed here
+    sections: Sequence[Section] = ()  # after the page's own figures and tables
     narrow: bool = False  # figures of one column: three side by side
     filtered: bool = False  # the rows of the sections' tables can be searched
     config: Mapping[str, str] = {}  # text of each configuration file, by its name
-
-
-def check_name(path: Path) -> None:
-    """Raise StageError where it is no name of a page: what is written there would be taken for something else."""
-    if path.suffix.lower() not in (".html", ".htm"):
-        reason, remedy = f"{path}: a page ends in .html", f"take {path.with_suffix('.html')}"
-        raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy))
 
 
 def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
@@ -73,17 +64,17 @@ def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
 
     Raises StageError where `path` is no name of a page, or another file than a page of ours is there.
     """
-    import jinja2  # a table needs none
+    import jinja2  # a table needs none of these
 
-    check_name(path)
+    from stagectl.recording.metadata import versions
+
     check_replaceable(path, PAGE)
-    path.parent.mkdir(parents=True, exist_ok=True)
     config = {**page.config, **{str(file): file.read_text(encoding="utf-8") for file in files}}
     listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters["typeset"] = typeset
-    given = {**page._asdict(), "config": listed, "library": _library(page)}
+    given = {**page._asdict(), "config": listed, "library": _library(page), "versions": page.versions or versions()}
     write_text(path, environment.from_string(source).render(given))
     return path
 

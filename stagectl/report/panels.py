@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.report import interactive
-from stagectl.report.figures import FAINT, STYLE, TARGET, note
+from stagectl.report.figures import FAINT, STYLE, TARGET, drawing, note
 from stagectl.report.page import Picture
 
 CONVENTIONAL, TRUTH = "#2563eb", FAINT  # in addition to WITHOUT (no compensation) and WITH
@@ -62,13 +62,11 @@ def panel(lines: Sequence[Line], frame: Frame) -> Figure:
 
 def stacked(panels: Sequence[tuple[Sequence[Line], Frame]]) -> Figure:
     """Panels below each other that share their x axis."""
-    with mpl.rc_context(STYLE):
-        figure, grid = plt.subplots(len(panels), 1, figsize=(7.0, 2.2 * len(panels)), sharex=True, squeeze=False)
+    size = (7.0, 2.2 * len(panels))
+    with drawing(len(panels), 1, figsize=size, sharex=True, squeeze=False) as (figure, grid):
         for axes, (lines, frame) in zip(grid[:, 0], panels, strict=True):
             _drawn(axes, lines, frame)
             axes.label_outer()
-        figure.align_ylabels()
-        figure.tight_layout()
     return figure
 
 

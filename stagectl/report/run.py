@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl import evaluation
-from stagectl.number_format import duration, length, prefix
+from stagectl.number_format import duration, length
 from stagectl.recording.extremes import extremes
 from stagectl.recording.hdf5 import Recording
 from stagectl.recording.replay import check_ran
 from stagectl.report.constants import ALL_ROWS
-from stagectl.report.figures import WITH, WITHOUT
+from stagectl.report.figures import WITH, WITHOUT, prefixed
 from stagectl.report.page import Page
 from stagectl.report.panels import CONVENTIONAL, TRUTH, Frame, Line, picture, stacked
 from stagectl.report.tables import run as tables
@@ -113,12 +113,12 @@ def _drawn(
     within: Array | None = None,
 ) -> _Panel:
     """Curves over time in a suitable unit; the values `within` decide the height where they are given."""
-    quantity, unit = quantity_unit
+    quantity = quantity_unit[0]
     known = [(label, values, colour) for label, values, colour in curves if np.isfinite(values).any()]
     scaling = within if within is not None and np.isfinite(within).any() else np.concatenate([y for _, y, _ in known])
     low, high = float(np.nanmin(scaling)), float(np.nanmax(scaling))
     largest = max(abs(low), abs(high))
-    letter, scale = prefix(largest)
+    scale, unit = prefixed(largest, quantity_unit[1])
     lines = []
     for number, (label, values, colour) in enumerate(known):
         time, ends = thinned(samples["time"], values * scale)
@@ -127,9 +127,7 @@ def _drawn(
     factor = 1.4 if within is None else 1.6  # room for the legend; for values outside the window
     middle, half = 0.5 * (low + high), 0.5 * (high - low) or 0.1 * largest
     room = ((middle - factor * half) * scale, (middle + factor * half) * scale) if largest else None
-    frame = Frame(
-        "time [s]", f"{quantity} [{letter}{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2
-    )
+    frame = Frame("time [s]", f"{quantity} [{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2)
     return lines, frame, _CAPTIONS[quantity]
 
 

@@ -11,7 +11,6 @@ from typing import Any, get_type_hints
 
 from stagectl.drives.faults import TABLE, FaultType, Reaction
 from stagectl.number_format import duration, length
-from stagectl.recording.metadata import versions
 from stagectl.report.constants import REASON_CHARACTERS
 from stagectl.report.page import Page, Section, Table, write
 from stagectl.units import quantity_of
@@ -26,7 +25,7 @@ def page(result: dict[str, Any], path: Path, files: Sequence[Path] = ()) -> Path
     components: dict[str, list[list[str]]] = {}
     for case in cases:
         components.setdefault(case["component"], []).append(_row(case, unit, scale))
-    sections = (Section(name.capitalize(), [], [], [Table("", _HEAD, rows)]) for name, rows in components.items())
+    sections = (Section(name.capitalize(), tables=[Table("", _HEAD, rows)]) for name, rows in components.items())
     tables = [
         _signed(result),
         _matrix(cases),
@@ -38,9 +37,14 @@ def page(result: dict[str, Any], path: Path, files: Sequence[Path] = ()) -> Path
         "Category 0: the power was cut while the axis moved; 1: it was braked, then the power was cut. "
         "Not a safety function: the emergency stop is wired to the drive's STO.",
     ]
-    title, commands = f"stagectl selftest: {result['stage']}", [result["command"]]
     shown = Page(
-        title, result["words"], notes, [], tables, commands, versions(), sections=tuple(sections), filtered=True
+        f"stagectl selftest: {result['stage']}",
+        result["words"],
+        notes,
+        tables=tables,
+        commands=[result["command"]],
+        sections=tuple(sections),
+        filtered=True,
     )
     return write(shown, path, files)
 

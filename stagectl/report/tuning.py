@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
-from stagectl.recording.metadata import versions
 from stagectl.report import interactive
 from stagectl.report.constants import BODE_RANGE, RESPONSE_POINTS
 from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, note
@@ -40,7 +39,6 @@ def page(setup: Setup, tuned: Tuned, command: str) -> Page:
         [interactive.picture(draw(), _CAPTIONS[name]) for name, draw in drawings(setup, tuned).items()],
         tables(setup, tuned),
         [command],
-        versions(),
     )
 
 

@@ -7,6 +7,7 @@ is under power when nothing more is to be seen is disabled by an order, which mu
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from stagectl.drives import faults
 from stagectl.drives.drive import DriveError, Fault
@@ -196,29 +197,22 @@ class Case:
         if self._axis.powered:
             self.until = self.rig.time.now()  # what friction gives back without power is no part of the stop
             self._order(Order(Event.DISABLE))
-            end = self.rig.time.now() + PATIENCE
-            while self._axis.powered and self.rig.time.now() < end:
-                self._loop.period()
+            self._run(PATIENCE, lambda: self._axis.powered)
             self._run(AFTER)
-        self._check()
-
-    def _check(self) -> None:
-        """Whether it ended in a state that the table of states leads to."""
         end, allowed = self._axis.state, _ENDS.get(self.state, _UNPOWERED)
         if end not in allowed:
             self.wrong = f"ended in state {named(end)}; must be: {' or '.join(map(named, allowed))}"
 
     # periods and orders
 
-    def _run(self, seconds: float) -> None:
+    def _run(self, seconds: float, going_on: Callable[[], bool] = lambda: True) -> None:
+        """Period after period for so long, or while this holds."""
         end = self.rig.time.now() + seconds
-        while self.rig.time.now() < end:
+        while going_on() and self.rig.time.now() < end:
             self._loop.period()
 
     def _until(self, state: State) -> None:
-        end = self.rig.time.now() + PATIENCE
-        while self._axis.state is not state and self.rig.time.now() < end:
-            self._loop.period()
+        self._run(PATIENCE, lambda: self._axis.state is not state)
         self._must_be(state)
 
     def _must_be(self, state: State) -> None:

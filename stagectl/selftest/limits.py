@@ -74,7 +74,7 @@ def braked(setup: Setup, row: FaultType, speed: float) -> Limit:
 
 def larger(first: Limit, second: Limit) -> Limit:
     """The most of both."""
-    return Limit(max(first.time, second.time), max(first.distance, second.distance))
+    return Limit(*map(max, first, second))
 
 
 def unnoticed(setup: Setup, row: FaultType, block: Any, speed: float) -> float:

@@ -112,7 +112,8 @@ def _judge(tried: Case, after: list[AxisSample], bound: Limit | None, went: tupl
     if tried.state in GOVERNED and not (tried.fault or tried.dead):
         return "the loop noticed nothing"
     late = _late(after, bound, *went)
-    return late or (_wrongly(tried, after) if tried.state in MOVES else "") or _held(after) or tried.wrong
+    held = "the power is still on" if after[-1].powered else ""
+    return late or (_wrongly(tried, after) if tried.state in MOVES else "") or held or tried.wrong
 
 
 def _late(after: list[AxisSample], bound: Limit, stop_time: float | None, way: float) -> str:
@@ -130,10 +131,6 @@ def _wrongly(tried: Case, after: list[AxisSample]) -> str:
         return f"stopped by {tried.reason}, must be one of {', '.join(reason.name for reason in must.reasons)}"
     cut = must.category == 1 and must.brakes == "ramp" and _category(tried, after) == 0
     return "the power was cut in motion, must be braked" if cut else ""
-
-
-def _held(after: list[AxisSample]) -> str:
-    return "the power is still on" if after[-1].powered else ""
 
 
 def _standing(tried: Case) -> float:

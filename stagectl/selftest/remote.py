@@ -42,11 +42,8 @@ _SYNC = frame(SYNC)
 _SPAN = 0.01  # s over which a speed is taken; longer where the encoder's step is coarse
 _QUEUE = 1000  # frames that wait for the loop
 _SEES = 0.2  # s in which the end of a case is looked at
-_SPEED, _FORCE, _FRICTION = (
-    0.3,
-    0.5,
-    0.7,
-)  # of what the current leaves: for viscous friction, to accelerate; for friction
+# Of what the current leaves: for viscous friction, to accelerate; and for friction.
+_SPEED, _FORCE, _FRICTION = 0.3, 0.5, 0.7
 # Seen from our end of the bus what the drive receives goes out; what is late is late on its way to us.
 _WAYS: dict[Way, Way] = {"in": "out", "out": "in", "both": "both"}
 _DANGEROUS = ("frames-reordered", "command-corrupted", "feedback-corrupted", "bus-flooded", "sdo-abort")
@@ -151,17 +148,12 @@ class Remote(BaseRig):
         wire = setup.canopen
         self._listening = Listening(bus, clock.now, setup, wire)
         super().__init__(setup, Attentive(clock, self._listening))
-        self._faulty = FaultyBus(self._listening, clock.now, setup.file.simulation.seed)
+        self.bus = self._faulty = FaultyBus(self._listening, clock.now, setup.file.simulation.seed)
         self.trace = self._listening.trace
         self._look()
         if not self.trace:
             raise StageError(f"node {wire.node} answers no SYNC with its position: see `stagectl doctor`")
         del self.trace[:-1]
-
-    @property
-    def bus(self) -> Bus:
-        """The controller's end, with the rules of the fault."""
-        return self._faulty
 
     def begin(self, block: Any) -> None:
         """The fault of this block, from our end."""
@@ -189,7 +181,7 @@ class Remote(BaseRig):
 
     def settle(self) -> None:
         """Clear the fault, and look where the axis is now: it has no power any more."""
-        self._faulty = FaultyBus(self._listening, self.time.now, 0)
+        self.bus = self._faulty = FaultyBus(self._listening, self.time.now, 0)
         self._listening.down, self._listening.asking = False, True
         self._listening.put(frame(0, bytes([cia402.NMT_START, self.settings.node])))
         self.time.sleep(_SEES)

@@ -11,6 +11,7 @@ from stagectl.config.time_outs import axis_limits
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.clock import Clock
 from stagectl.drives.homing import NO_HOMING, Homing
 from stagectl.realtime import axes
@@ -104,22 +105,16 @@ class RigLoop(axes.Loop):
 class BaseRig:
     """What both rigs are: a stage, a time, and what was seen of the axis."""
 
+    bus: Bus  # the controller's end
+
     def __init__(self, setup: Setup, time: Clock) -> None:
         self.setup, self.settings, self.time = setup, setup.canopen, time
         self.trace: list[AxisSample] = []
 
-    @property
-    def bus(self) -> Bus:
-        """The controller's end."""
-        raise NotImplementedError
-
     def connect(self, homing: Homing = NO_HOMING) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
         step, dt, file = self.setup.stage.encoder.step, self.setup.dt, self.setup.file
-        limits = axis_limits(file)
-        return CanopenDrive(
-            self.settings, self.bus, step, dt, clock=self.time, limits=limits, brake=file.brake, homing=homing
-        )
+        return CanopenDrive(Wishes(self.settings, step, dt, axis_limits(file), homing), self.bus, file.brake, self.time)
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""
@@ -160,16 +155,11 @@ class Rig(BaseRig):
         super().__init__(setup, time)
         self._timeline = time
         self.ours, theirs = Wire(time, self.settings.bitrate).ends
-        self.said: list[str] = []
+        self.bus, self.said = self.ours, list[str]()
         self.node = virtual_node(setup, self.settings, theirs, self.said.append, time)
-        theirs.woken_by(self.node.turn)
+        theirs.wakes = self.node.turn
         self.node.boot()
         time.every(_LOOK, self._look)
-
-    @property
-    def bus(self) -> Bus:
-        """The controller's end."""
-        return self.ours
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""

@@ -25,9 +25,8 @@ from stagectl.recording.ring import Ring
 from stagectl.service.axis_status import Shown
 from stagectl.service.file_in_use import FileInUse
 from stagectl.service.job_from_stage import CALM, calm, orders
-from stagectl.service.pace import ServiceError as ServiceError
-from stagectl.service.pace import check_time
-from stagectl.service.planning import Motion, Task, Upload, leaving
+from stagectl.service.planning import Motion, Task, Upload, check_time, leaving
+from stagectl.service.planning import ServiceError as ServiceError
 from stagectl.trajectories import Dwell, Experiment, SCurve
 from stagectl.units import Quantity, UnitError, parse, quantity_of
 

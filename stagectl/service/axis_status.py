@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from stagectl.drives.canopen.cia402 import LIMITED
@@ -27,16 +28,13 @@ class Shown(NamedTuple):
     warnings: Sequence[str] = ()  # that do not come from its drive
 
 
-def answers(statuses: Iterable[Status], now: float) -> bool:
-    """Whether the loop of these axes gives signs of life, or has not begun; to configure a drive takes longer."""
-    return any(not status.tick or now - status.tick < _patience(status) for status in statuses)
+def _answers(status: Status, now: float) -> bool:
+    """Whether the loop of this axis gives signs of life, or has not begun; to configure a drive takes longer."""
+    patience = max(status.patience, NO_ANSWER) if int(status.state) == State.CONNECTING else NO_ANSWER
+    return not status.tick or now - status.tick < patience
 
 
-def _patience(status: Status) -> float:
-    return max(status.patience, NO_ANSWER) if int(status.state) == State.CONNECTING else NO_ANSWER
-
-
-def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str, Any]:
+def _axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str, Any]:
     """The axis now; lengths in the unit of travel, None where no drive or no loop (`silent`) has said them."""
     status = board.status()
     state, fault = State(int(status.state)), Fault(int(status.fault))
@@ -61,6 +59,13 @@ def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str,
         "faults": int(status.faults),
         "stop_time": status.stop_time,
     }
+
+
+def machine_json(axes: Sequence[tuple[Shown, Board]], refused: list[str]) -> dict[str, Any]:
+    """The machine now, as JSON values, with what the kernel `refused` its loop."""
+    now = time.monotonic()
+    silent = not any(_answers(board.status(), now) for _, board in axes)
+    return {"axes": [_axis_json(*axis, now, silent) for axis in axes], "alive": not silent, "refused": refused}
 
 
 def noted(notes: Mapping[str, str] | None, machine: dict[str, Any]) -> dict[str, Any]:

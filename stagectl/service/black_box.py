@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.drive import Fault
 from stagectl.realtime.shared_memory import Board
-from stagectl.realtime.states import State
+from stagectl.realtime.states import POWERED, STOPS_GOING_ON, State
 from stagectl.recording.beside import order_of, word_of
 from stagectl.recording.hdf5 import RecordingError, Writer
 from stagectl.recording.ring import Ring, RingPlace
@@ -28,6 +28,7 @@ from stagectl.service.limits import BOX_RETRY, BOXES_KEPT
 POLL = 0.05  # s
 BEFORE, AFTER = 10.0, 2.0  # s kept of either side of a fault
 UNFINISHED = ".unfinished"  # in place of .h5, until all rows are there
+_POWERED = (*POWERED, *STOPS_GOING_ON, State.ENABLING, State.ENGAGING, State.DRIVE_HOMING)
 _PATIENCE = 5.0  # s for the rows after the fault: a lost drive gives none
 
 
@@ -72,8 +73,7 @@ class Watcher:
             self._wait_for(row + round(AFTER / self.p.dt), gone)
             self.seen = int(status.faults)
             return self._take(Fault(int(status.fault)).name.lower(), self.board.words, row)
-        unsettled = int(status.state) in (State.ENABLING, State.QUICK_STOPPING, State.COASTING)
-        if gone and not self.ring.closed and (status.power or unsettled):
+        if gone and not self.ring.closed and int(status.state) in _POWERED:
             words = "the real-time process died while the axis had power"
             return self._take("process_died", words, self.ring.written)
         return self.write() if self.kept and time.monotonic() > self._retry else None

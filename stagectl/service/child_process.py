@@ -1,4 +1,7 @@
-"""A child process that takes one pickled order and answers in lines."""
+"""A child process: one that takes one pickled order and answers in lines, and what bounds one that works for a client.
+
+That one is bounded in memory and time, the first to be killed, and gone with its service.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,23 @@ import contextlib
 import io
 import os
 import pickle
+import resource
 import select
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import NamedTuple
 
-from stagectl.realtime.scheduling import PARENT
+from stagectl.realtime.scheduling import PARENT, follow_parent
 from stagectl.recording.ring import Ring
+from stagectl.service.limits import DISPENSABLE
 from stagectl.service.shutdown_signals import held_back
 
 _PATIENCE = 180.0  # s for a companion to become ready: it may have to compile
 _LEAVE = 15.0  # s for it to end after the loop: it may be behind
+_POLITE = 10  # nice: the loop's neighbours come first
 PYTHON = (sys.executable, "-P")  # a child: nothing is imported from the folder that the service was started in
 
 
@@ -29,6 +36,7 @@ class Child:
         assert process.stdin is not None and isinstance(process.stdout, io.BufferedReader)
         self._process, self._in = process, process.stdin
         self._out = process.stdout.raw  # without a buffer: `readable` sees all that there is
+        self.pid, self.signal = process.pid, process.send_signal
 
     def send(self, order: object) -> None:
         """Hand over the order."""
@@ -51,10 +59,6 @@ class Child:
         """Whether it has written a line, or ended, within `timeout` (s)."""
         return bool(select.select([self._out], [], [], timeout)[0])
 
-    def signal(self, number: int) -> None:
-        """Send it a signal."""
-        self._process.send_signal(number)
-
     def wait(self, timeout: float | None = None) -> int:
         """Its exit code; past `timeout` (s) it is killed."""
         with contextlib.suppress(BrokenPipeError):
@@ -66,11 +70,6 @@ class Child:
             code = self._process.wait()
         self._out.close()
         return code
-
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        return self._process.pid
 
     @property
     def ended(self) -> int | None:
@@ -126,3 +125,29 @@ def running_companion(companion: Companion | None, ring: Ring, alive: int) -> It
         yield child, codes
     finally:
         codes.append(child.wait(_LEAVE))
+
+
+def confine(memory: int, processor: float = 0.0, largest_file: int = 0) -> None:
+    """Bound this process: address space (bytes), processor time (s), size of a file (bytes); 0: no bound."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)  # the service holds them back while it starts
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))
+    follow_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which ends this process
+    for which, bound in (
+        (resource.RLIMIT_AS, memory),
+        (resource.RLIMIT_CPU, int(processor)),
+        (resource.RLIMIT_FSIZE, largest_file),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        if bound or which == resource.RLIMIT_CORE:
+            _, most = resource.getrlimit(which)
+            resource.setrlimit(which, (bound if most == resource.RLIM_INFINITY else min(bound, most), most))
+    os.nice(_POLITE)
+    rank(os.getpid(), DISPENSABLE)
+
+
+def rank(process: int, score: int) -> None:
+    """How soon the kernel kills a process where memory runs out: 1000 first, -1000 never; below 0 as systemd allows."""
+    with contextlib.suppress(OSError):  # not allowed, or a kernel without it: it kills by size
+        Path(f"/proc/{process}/oom_score_adj").write_text(str(score))

@@ -66,9 +66,8 @@ def examine(setup: Setup, folder: Path, served: bool) -> Iterator[Check]:
 def _scheduling(priority: int) -> Check:
     """Try it in a child process: only this shows a cgroup without real-time budget, or a seccomp filter."""
     if priority == 0:
-        return Check(
-            "real-time class", False, "realtime.priority = 0: ordinary scheduling", "set realtime.priority: 80"
-        )
+        words = "realtime.priority = 0: ordinary scheduling"
+        return Check("real-time class", False, words, "set realtime.priority: 80")
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:  # only the measurement: the child never returns into the parent's code
@@ -127,12 +126,8 @@ def _governor() -> Check:
 def _isolation(cpu: int | None) -> Check:
     isolated = _text(_SYS / "isolated")
     if cpu is None:
-        return Check(
-            "CPU",
-            False,
-            "realtime.cpu is not set: the loop may run anywhere",
-            "set realtime.cpu: 1, boot with isolcpus=1",
-        )
+        words = "realtime.cpu is not set: the loop may run anywhere"
+        return Check("CPU", False, words, "set realtime.cpu: 1, boot with isolcpus=1")
     good = str(cpu) in _listed(isolated)
     return Check("CPU", good, f"CPU {cpu}; isolated: {isolated or 'none'}", f"boot with isolcpus={cpu} nohz_full={cpu}")
 
@@ -157,12 +152,8 @@ def _disk(folder: Path) -> Check:
     there = _existing(folder)
     free = shutil.disk_usage(there).free
     good = free >= _DISK and os.access(there, os.W_OK)
-    return Check(
-        "disk",
-        good,
-        f"{free / 2**30:.1f} GiB free for {folder}",
-        "free some space, or choose another folder with --state",
-    )
+    words = f"{free / GIB:.1f} GiB free for {folder}"
+    return Check("disk", good, words, "free some space, or choose another folder with --state")
 
 
 def _recordings(p: Retention, folder: Path) -> Check:
@@ -200,12 +191,8 @@ def _interface(wire: Canopen) -> Check:
 def _load(setup: Setup, wire: Canopen) -> Check:
     share = bus_load(1.0 / setup.dt, wire.bitrate)
     good = share <= wire.bus_load_limit
-    return Check(
-        "bus load",
-        good,
-        f"{100 * share:.0f} % from the cycle; at most {100 * wire.bus_load_limit:.0f} %",
-        "set a longer control.period",
-    )
+    words = f"{100 * share:.0f} % from the cycle; at most {100 * wire.bus_load_limit:.0f} %"
+    return Check("bus load", good, words, "set a longer control.period")
 
 
 def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
@@ -215,35 +202,25 @@ def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
         return
     try:
         joined = open_bus(wire.interface, wire.channel, wire.bitrate)
-    except DriveError as error:
-        yield Check("drive", False, str(error), "see the line above")
-        return
-    try:
-        with alone(wire, joined, setup.file.name):
+        with contextlib.closing(joined), alone(wire, joined, setup.file.name):
             yield from _read(setup, wire, joined)
     except OtherMasterError as error:
         yield Check("drive", True, f"not checked: {error}")
     except DriveError as error:
         yield Check("drive", False, str(error), "see the line above")
-    finally:
-        joined.close()
 
 
 def _read(setup: Setup, wire: Canopen, joined: Bus) -> Iterator[Check]:
     if not virtual_drive.answers(wire):
-        yield _nobody(wire)
+        words = f"node {wire.node} does not answer"
+        if wire.interface == "embedded":
+            yield Check("drive", True, f"{words} on the embedded bus: `stagectl run` and `serve` start a virtual one")
+        else:
+            yield Check("drive", False, words, "switch the drive on; check node id, bit rate and termination")
         return
     access = ObjectAccess(wire, PumpedNode(wire.node, load_eds(wire.eds, wire.node), joined))
     yield from _options(access)
     yield _protection(setup, wire, access)
-
-
-def _nobody(wire: Canopen) -> Check:
-    """No drive answers; on the embedded bus a motion brings one."""
-    words = f"node {wire.node} does not answer"
-    if wire.interface == "embedded":
-        return Check("drive", True, f"{words} on the embedded bus: `stagectl run` and `serve` start a virtual one")
-    return Check("drive", False, words, "switch the drive on; check node id, bit rate and termination")
 
 
 def _options(drive: ObjectAccess) -> Iterator[Check]:

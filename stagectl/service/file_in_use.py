@@ -22,12 +22,10 @@ class FileInUse:
         """A warning where it says something else now, or is gone; it is read again only where its stamp is new."""
         if (stamp := self._now()) != self._stamp:
             self._stamp = stamp
-            what = "is gone" if stamp is None else "has changed"
-            self._words = "" if self._read() == self._content else self._warning(what)
+            what = f"{self._path} {'is gone' if stamp is None else 'has changed'} since the start at {self._since}"
+            same = self._read() == self._content
+            self._words = "" if same else f"{what}: the service runs the values that it read then"
         return [self._words] if self._words else []
-
-    def _warning(self, what: str) -> str:
-        return f"{self._path} {what} since the start at {self._since}: the service runs the values that it read then"
 
     def _now(self) -> tuple[int, int] | None:
         try:

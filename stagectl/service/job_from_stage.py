@@ -10,7 +10,7 @@ from stagectl.config.time_outs import axis_limits
 from stagectl.evaluation import WINDOW_COUNTS
 from stagectl.kernels import law, stage
 from stagectl.realtime.axes import Post
-from stagectl.realtime.axis_data import Orders, Standing
+from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.envelope import braking, envelope
 from stagectl.realtime.setpoint_sources import Model
 from stagectl.realtime.shared_memory import Board
@@ -35,7 +35,7 @@ def orders(name: str, setup: Setup, running: law.Law, friction: bool, ring: Ring
         envelope=envelope(lasting),
         homing=setup.file.homing,
         window=WINDOW_COUNTS * (p.encoder.step or 1e-9),
-        standing=Standing(setup.file.own_ramp, p.encoder.step),
+        own_ramp=setup.file.own_ramp,
         by_clock=not waits_for_sync(setup),
         wire=None if isinstance(wire, InProcess) else wire,
         stage=portable(p),

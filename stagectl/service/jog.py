@@ -41,16 +41,12 @@ class _Press:
 
     def renew(self) -> None:
         """It is still held."""
-        self._until = time.monotonic() + HELD
-
-    def fail(self) -> None:
-        """It has begun nothing."""
-        self._until = -math.inf
+        self.until = time.monotonic() + HELD
 
     @property
     def held(self) -> bool:
         """Whether a sign has come in time."""
-        return time.monotonic() <= self._until
+        return time.monotonic() <= self.until
 
     def stopped(self, board: Board) -> bool:
         """Whether somebody has stopped the axis since it began, or its real-time process is another one."""
@@ -93,7 +89,7 @@ class Jogs:
             await self._orders.begin(axis, partial(_towards_the_end, axis, press.motion, velocity))
             press.begun = True
         except BaseException:
-            press.fail()
+            press.until = -math.inf  # it has begun nothing
             raise
 
     async def _watch(self, axis: AxisController, press: _Press) -> None:
@@ -105,11 +101,9 @@ class Jogs:
         while len(self._ended) > PRESSES:
             del self._ended[next(iter(self._ended))]
         waits = not press.begun and axis.state is State.STANDING
-        if not press.stopped(axis.board) and (waits or self._ours(axis, press)):
+        moves = axis.motion is not None and axis.motion.name == press.motion
+        if not press.stopped(axis.board) and (waits or moves):
             axis.board.stop(INTERFACE, HOLD)  # ends also what is still being laid out
-
-    def _ours(self, axis: AxisController, press: _Press) -> bool:
-        return axis.motion is not None and axis.motion.name == press.motion
 
 
 def _velocity(axis: AxisController, speed: str) -> float:

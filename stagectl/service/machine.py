@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from stagectl.config.machine_file import axes_of, coupled, split
-from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.stage_file import load_stage
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen
 from stagectl.service.axis_controller import AxisController, ServiceError
@@ -38,7 +38,12 @@ def machine(stages: list[str], channel: str | None) -> dict[str, AxisController]
 
     Raises ConfigError for what is wrong with a file, ServiceError where the axes cannot share a bus.
     """
-    axes = {name: AxisController(name, _on_channel(load_stage(path), channel)) for name, path in named(stages).items()}
+    axes = {}
+    for name, path in named(stages).items():
+        setup = load_stage(path)
+        if channel is not None and isinstance(setup.file.drive.wire, Canopen):
+            setup = setup.with_wire(channel=channel)
+        axes[name] = AxisController(name, setup)
     _check(axes)
     return axes
 
@@ -46,12 +51,6 @@ def machine(stages: list[str], channel: str | None) -> dict[str, AxisController]
 def virtual(axes: dict[str, AxisController]) -> bool:
     """Whether nothing real can be moved: all plants are in this machine's memory."""
     return all(axis.setup.file.in_memory for axis in axes.values())
-
-
-def _on_channel(setup: Setup, channel: str | None) -> Setup:
-    if channel is None or not isinstance(setup.file.drive.wire, Canopen):
-        return setup
-    return setup.with_wire(channel=channel)
 
 
 def _check(axes: dict[str, AxisController]) -> None:

@@ -13,10 +13,9 @@ from stagectl.realtime.shared_memory import CUT, HOLD, INTERFACE, Board, Order
 from stagectl.realtime.states import Event, State, why_not
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.limits import MOTIONS_WAITING, SETTLE
-from stagectl.service.pace import check_pace
-from stagectl.service.planning import Task, Upload
+from stagectl.service.planning import Task, Upload, check_pace
 from stagectl.service.service import Service
-from stagectl.units import UnitError, parse
+from stagectl.units import StageError, UnitError, parse
 
 _ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take
 _NO_HOME = "the stage file has no homing: this position is taken as right, nothing was searched"
@@ -45,11 +44,12 @@ class OrderHandler:
 
     async def enable(self, axes: list[AxisController]) -> None:
         """Switch power on; the axes then hold where they stand."""
+        stops = [axis.board.stops for axis in axes]  # one that comes while a drive is configured ends it, too
         for axis in axes:
             if axis.state is State.OFFLINE:
                 await self._connect(axis, Event.CONNECT)
-        for axis in axes:
-            await self.service.order(axis, Order(Event.ENABLE))
+        for axis, before in zip(axes, stops, strict=True):
+            await self.service.order(axis, Order(Event.ENABLE, stops=before))
         for axis in axes:
             await self.service.until(partial(_no_longer, axis, State.ENABLING), _ENABLED)
             if axis.state is not State.STANDING:
@@ -82,10 +82,11 @@ class OrderHandler:
 
     async def home(self, axes: list[AxisController]) -> dict[str, str]:
         """Find the home, one axis after the other; of an axis without a method, what was done in its place."""
-        for axis in axes:
-            stops = axis.board.stops
-            await self.service.order(axis, Order(Event.HOME))
-            if not await self._settled(axis, stops) or not axis.status.homed:
+        stops = [axis.board.stops for axis in axes]
+        for axis, before in zip(axes, stops, strict=True):
+            async with self._begin:  # a motion that is being laid out counts from the present origin
+                await self.service.order(axis, Order(Event.HOME, stops=before))
+            if not await self._settled(axis, before) or not axis.status.homed:
                 raise ServiceError(f"{axis.name}: not homed: {axis.board.words or 'it was stopped'}")
             axis.finished(False)  # it stands where no plan has left it: nothing is known of its friction
         return {axis.name: _NO_HOME for axis in axes if axis.setup.file.homing.method == "none"}
@@ -171,10 +172,6 @@ class OrderHandler:
             await asyncio.sleep(0.005)
         return False
 
-    def _ready(self, axis: AxisController) -> None:
-        if axis.state is not State.STANDING:
-            raise ServiceError(f"{axis.name}: {why_not(Event.MOVE, axis.state)}")
-
     def _planned(
         self, axis: AxisController, where: tuple[str, bool], pace: tuple[str | None, str | None]
     ) -> Task | None:
@@ -212,7 +209,8 @@ class OrderHandler:
     async def _begun(self, wanted: Sequence[_Wanted]) -> list[_Wanted]:
         """Lay all of them out, then begin them; the loop refuses those that a stop has ended since they were wanted."""
         for motion in wanted:
-            self._ready(motion.axis)
+            if motion.axis.state is not State.STANDING:
+                raise ServiceError(f"{motion.axis.name}: {why_not(Event.MOVE, motion.axis.state)}")
         tasks = [(motion, task) for motion in wanted if (task := motion.layout()) is not None]
         planned = [(motion, await self.service.planner.plan(task)) for motion, task in tasks]
         if any((motion.board, motion.stops) != (motion.axis.board, motion.axis.board.stops) for motion in wanted):
@@ -224,7 +222,12 @@ class OrderHandler:
             (motion.axis, motion.axis.start(laid_out, len(tasks))._replace(stops=motion.stops))
             for motion, laid_out in planned
         ]
-        await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
+        try:
+            await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
+        except StageError:
+            for axis, _ in orders[1:] and orders:  # those that wait for the refused one must not wait for a later one
+                axis.board.stop(INTERFACE, HOLD)
+            raise
         return [motion for motion, _ in planned]
 
 

@@ -20,7 +20,7 @@ from multiprocessing.reduction import send_handle
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.service.confined import confine
+from stagectl.service.child_process import confine
 from stagectl.service.limits import PLANNING_MEMORY
 from stagectl.service.planning import Motion, Refusal, Task, rows_of
 from stagectl.units import StageError

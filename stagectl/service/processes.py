@@ -5,15 +5,11 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Callable
-from pathlib import Path
 
 from stagectl.drives.drive import Canopen
-from stagectl.realtime.axes import Post
-from stagectl.service import job_from_stage
 from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.black_box import BlackBoxOrder
-from stagectl.service.child_process import Child, start
-from stagectl.service.confined import rank
+from stagectl.service.child_process import Child, rank, start
 from stagectl.service.foxglove_live import Feed, Source
 from stagectl.service.limits import AT_ONCE, LOOP
 from stagectl.service.recordings import about
@@ -26,43 +22,11 @@ _LEAVE, _WRITE = 15.0, 10.0  # s that a process, and a black box, may take to en
 Note = Callable[[str, str, str], None]  # axis, fault, words
 
 
-def post(axes: list[AxisController], coupled: bool) -> Post:
-    """The order of the real-time process."""
-    return job_from_stage.post(axes[0].setup, [axis.orders() for axis in axes], coupled)
-
-
-def _start_black_box(axis: AxisController, state: Path, alive: int) -> Child:
-    """Start the black box of this axis; `alive` is the pipe that the real-time process holds."""
-    meta = about(axis, "black box")
-    folder = str(state / "blackbox" / axis.name)
-    ring, board = axis.ring, axis.board.descriptor
-    child = start("stagectl.service.black_box", (ring.descriptor, board, alive), "interpreted")
-    dt, faults = axis.setup.dt, int(axis.status.faults)
-    child.send(BlackBoxOrder(ring.place, board, alive, folder, meta, COLUMNS, dt, faults))
-    return child
-
-
-def _start_stop_path(axes: list[AxisController], socket: int, alive: int) -> Child:
-    """Start the stop path of these axes on its bound `socket` (descriptors)."""
-    boards = tuple(axis.board.descriptor for axis in axes)
-    child = start("stagectl.service.stop_path", (socket, alive, *boards), "interpreted")
-    rank(child.pid, LOOP)
-    child.send(StopPost(socket, alive, tuple((axis.shown, axis.board.descriptor) for axis in axes)))
-    return child
-
-
 async def heard_of(exit_code: int) -> str:
     """How a process ended; where it did in order it was told to, and so is the service in a moment, which then ends."""
     if exit_code == 0:
         await asyncio.sleep(AT_ONCE)
-    return ending(exit_code)
-
-
-def _start_foxglove(axes: list[AxisController], address: tuple[str, int], alive: int) -> Child:
-    """Start Foxglove's server for these axes at `address`."""
-    child = start("stagectl.service.foxglove_live", (*(axis.ring.descriptor for axis in axes), alive), "interpreted")
-    child.send(Feed(tuple(_source(axis) for axis in axes), *address, alive))
-    return child
+    return f"signal {-exit_code}" if exit_code < 0 else f"exit {exit_code}"
 
 
 def _source(axis: AxisController) -> Source:
@@ -81,9 +45,12 @@ def silence(axis: AxisController) -> float:
     return max(wire.heartbeat_timeout, wire.rpdo_timeout) + _RAMP if isinstance(wire, Canopen) else 0.0
 
 
-def ending(code: int) -> str:
-    """An exit code in words."""
-    return f"signal {-code}" if code < 0 else f"exit {code}"
+def _over(child: Child) -> bool:
+    """Whether it has ended; then its pipes are closed, too."""
+    if child.ended is None:
+        return False
+    child.wait()
+    return True
 
 
 class Companions:
@@ -104,10 +71,12 @@ class Companions:
     def spawn(self, alive: int, stop_socket: int) -> None:
         """Start all; `alive` is the pipe that the real-time process holds."""
         self._alive, self._stop_socket = alive, stop_socket
-        self._stop_path, self._told = _start_stop_path(list(self._axes.values()), stop_socket, alive), False
-        self._boxes = {name: self._box(name) for name in self._axes}
+        self._start_stop_path()
+        self._boxes = {name: self._box(axis) for name, axis in self._axes.items()}
         if self._paths.foxglove:
-            self._live = _start_foxglove(list(self._axes.values()), self._paths.foxglove, alive)
+            rings = (axis.ring.descriptor for axis in self._axes.values())
+            self._live = start("stagectl.service.foxglove_live", (*rings, alive), "interpreted")
+            self._live.send(Feed(tuple(map(_source, self._axes.values())), *self._paths.foxglove, alive))
 
     def takes_stops(self, refused: list[str]) -> bool:
         """Whether the stop path is ready; then it has been told what the kernel `refused` the loop."""
@@ -123,24 +92,21 @@ class Companions:
 
     def look(self) -> None:
         """Hear the black boxes; start again what died while the loop lives."""
-        for name, box in self._boxes.items():
+        for name, box in [*self._boxes.items(), *self._lingering]:
             self._hear(name, box)
-            if box.ended is not None:
+        for name, box in self._boxes.items():
+            if _over(box):
                 self._note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one was started")
-                box.wait()  # closes its pipes
-                self._boxes[name] = self._box(name)
-        self._lingering = [(name, box) for name, box in self._lingering if not self._over(name, box)]
-        if self._stop_path is not None and self._stop_path.ended is not None:
-            self._note("", "stop_path_died", f"the stop path ended ({self._stop_path.ended}); a new one was started")
-            self._stop_path.wait()
-            self._stop_path = _start_stop_path(list(self._axes.values()), self._stop_socket, self._alive)
-            self._told = False
-        if self._live is not None and self._live.ended is not None:
-            self._live.wait()
+                self._boxes[name] = self._box(self._axes[name])
+        self._lingering = [(name, box) for name, box in self._lingering if not _over(box)]
+        self._waiting = {box for box in self._waiting if box.ended is None}
+        if (path := self._stop_path) is not None and _over(path):
+            self._note("", "stop_path_died", f"the stop path ended ({path.ended}); a new one was started")
+            self._start_stop_path()
+        if self._live is not None and _over(self._live):
             self._live = None
-            self._note(
-                "", "foxglove_ended", "Foxglove's server ended; see the messages above, then restart the service"
-            )
+            words = "Foxglove's server ended; see the messages above, then restart the service"
+            self._note("", "foxglove_ended", words)
 
     def leaving(self) -> list[tuple[Child, float]]:
         """The real-time process is gone: those that end with it, and how long (s) each may take."""
@@ -156,17 +122,23 @@ class Companions:
         """The service ends: black boxes that still wait for room try once more."""
         return [(box, _WRITE) for _, box in self._lingering]
 
-    def _box(self, name: str) -> Child:
-        return _start_black_box(self._axes[name], self._paths.state, self._alive)
+    def _box(self, axis: AxisController) -> Child:
+        """Start the black box of an axis."""
+        meta, folder = about(axis, "black box"), str(self._paths.state / "blackbox" / axis.name)
+        ring, board, alive = axis.ring, axis.board.descriptor, self._alive
+        child = start("stagectl.service.black_box", (ring.descriptor, board, alive), "interpreted")
+        dt, faults = axis.setup.dt, int(axis.status.faults)
+        child.send(BlackBoxOrder(ring.place, board, alive, folder, meta, COLUMNS, dt, faults))
+        return child
 
-    def _over(self, name: str, box: Child) -> bool:
-        """Whether a black box that waited for room has ended."""
-        self._hear(name, box)
-        if box.ended is None:
-            return False
-        box.wait()
-        self._waiting.discard(box)
-        return True
+    def _start_stop_path(self) -> None:
+        """Start the stop path of the axes on its bound socket."""
+        axes = tuple((axis.shown, axis.board.descriptor) for axis in self._axes.values())
+        descriptors = (self._stop_socket, self._alive, *(board for _, board in axes))
+        path = start("stagectl.service.stop_path", descriptors, "interpreted")
+        rank(path.pid, LOOP)
+        path.send(StopPost(self._stop_socket, self._alive, axes))
+        self._stop_path, self._told = path, False
 
     def _hear(self, name: str, box: Child) -> None:
         """What a black box has to say: lines of JSON, behind one that only says that it is ready."""

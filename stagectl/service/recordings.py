@@ -192,9 +192,19 @@ class Recordings:
         """All files there are, the newest first; one that is about to be written has no bytes."""
         with self._lock:
             going = {running.path for running in self._running.values()} | self._ending
-        there = {path for kind in KINDS for path in (self._state / kind).glob("*/*.h5")}
-        entries = [_listed(path, path in going) for path in there | going]
-        return sorted((entry for entry in entries if entry), key=lambda entry: -float(entry["time"]))
+        there = kept(self._state)
+        begun = [Kept(path, 0, time.time()) for path in going - {file.path for file in there}]
+        return [
+            {
+                "kind": path.parent.parent.name,
+                "axis": path.parent.name,
+                "file": path.name,
+                "bytes": size,
+                "time": when,
+                "going_on": path in going,
+            }
+            for path, size, when in (*begun, *there)
+        ]
 
     def path(self, kind: str, axis: str, file: str) -> Path:
         """A file of the list.  Raises AbsentError where it is none."""
@@ -202,21 +212,6 @@ class Recordings:
         if not any((entry["kind"], entry["axis"], entry["file"]) == (kind, axis, file) for entry in entries):
             raise AbsentError(f"no recording {kind}/{axis}/{file}; GET /v1/recordings lists all")
         return self._state / kind / axis / file
-
-
-def _listed(path: Path, going: bool) -> dict[str, Any]:
-    """A line of the list; empty where the file has just gone, or is a link or a pipe: that is not our file."""
-    try:
-        about = path.lstat()
-        if not stat.S_ISREG(about.st_mode):
-            return {}
-        size, when = about.st_size, about.st_mtime
-    except FileNotFoundError:
-        if not going:
-            return {}
-        size, when = 0, time.time()
-    place = {"kind": path.parent.parent.name, "axis": path.parent.name, "file": path.name}
-    return {**place, "bytes": size, "time": when, "going_on": going}
 
 
 def _ask_to_end(running: _Running) -> None:
@@ -250,13 +245,13 @@ class Kept(NamedTuple):
 
 
 def kept(state: Path, axis: str = "*") -> list[Kept]:
-    """Recordings and black boxes of a service, the newest first."""
-    paths = [path for kind in KINDS for path in (state / kind).glob(f"{axis}/*.h5")]
+    """Recordings and black boxes of a service, the newest first; a link or a pipe is no file of ours."""
     files = []
-    for path in paths:
+    for path in (path for kind in KINDS for path in (state / kind).glob(f"{axis}/*.h5")):
         with contextlib.suppress(FileNotFoundError):  # it has just gone
-            about = path.stat()
-            files.append(Kept(path, about.st_size, about.st_mtime))
+            about = path.lstat()
+            if stat.S_ISREG(about.st_mode):
+                files.append(Kept(path, about.st_size, about.st_mtime))
     return sorted(files, key=lambda file: -file.time)
 
 

@@ -28,11 +28,10 @@ from typing import Any
 from stagectl.drives.drive import Canopen, Fault, accepted
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State
-from stagectl.service import processes, single_instance, virtual_drive
+from stagectl.service import job_from_stage, processes, single_instance, virtual_drive
 from stagectl.service.axis_controller import AxisController, ServiceError
-from stagectl.service.axis_status import answers, axis_json
-from stagectl.service.child_process import start
-from stagectl.service.confined import rank
+from stagectl.service.axis_status import machine_json
+from stagectl.service.child_process import rank, start
 from stagectl.service.limits import LOOP, SERVICE
 from stagectl.service.planner import Planner
 from stagectl.service.recordings import Recordings
@@ -114,7 +113,7 @@ class Service:
         self._loop = start("stagectl.realtime.axes", (*shared, held, self._lock), "interpreted")
         os.close(held)
         rank(self._loop.pid, LOOP)
-        self._loop.send(processes.post(axes, self.coupled))
+        self._loop.send(job_from_stage.post(axes[0].setup, [axis.orders() for axis in axes], self.coupled))
         self._companions.spawn(self._alive, self._stop_socket.fileno())
 
     async def _up(self) -> None:
@@ -171,10 +170,8 @@ class Service:
 
     def machine_json(self) -> dict[str, Any]:
         """The machine now, as JSON values."""
-        now = time.monotonic()
-        silent = not answers((axis.status for axis in self.axes.values()), now)
-        shown = [axis_json(axis.shown, axis.board, now, silent) for axis in self.axes.values()]
-        return {"axes": shown, "alive": self.alive(), "refused": self.refused}
+        axes = [(axis.shown, axis.board) for axis in self.axes.values()]
+        return {**machine_json(axes, self.refused), "alive": self.alive()}
 
     def words(self) -> str:
         """The states of all axes in one line."""
@@ -242,24 +239,28 @@ class Service:
         return axes[0]
 
     async def order(self, axis: AxisController, order: Order) -> None:
-        """Give an order and wait until the loop has taken it.
+        """Give an order and wait until the loop has taken it; a stop that comes from now on makes it void.
 
         Raises ServiceError with the reason where it cannot be given now.
         """
+        board = axis.board
+        order = order._replace(stops=board.stops if order.stops is None else order.stops)
         if not axis.status.tick:  # it would never see an order from before its start
             raise ServiceError(f"{axis.name}: the real-time process is starting; see `stagectl status`")
         if self._restarting is not None:  # nothing may begin before the stop path takes stops again
             await asyncio.wait({self._restarting})
-        board = axis.board
+        gone = ServiceError(f"{axis.name}: the real-time process does not answer; see `stagectl status`")
+        if axis.board is not board:
+            raise gone
         number = board.order(order)
         end = time.monotonic() + _ANSWER
         while (verdict := board.verdict(number)) == PENDING:
             silent = time.monotonic() > end and time.monotonic() - axis.status.tick > axis.status.patience
             if silent or axis.board is not board:
-                raise ServiceError(f"{axis.name}: the real-time process does not answer; see `stagectl status`")
+                raise gone
             await asyncio.sleep(0.002)
         if verdict != TAKEN:
-            if order.stops is not None and order.stops != board.stops:
+            if order.stops != board.stops:
                 raise ServiceError(f"{axis.name}: stopped before it began")
             raise ServiceError(f"{axis.name}: {axis.refusal(Event(order.kind))}")
 

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 from stagectl.realtime import scheduling
 from stagectl.realtime.shared_memory import CUT, HOLD, STOP_PATH, Board
 from stagectl.recording.beside import order_of
-from stagectl.service.axis_status import Shown, answers, axis_json
+from stagectl.service.axis_status import Shown, machine_json
 from stagectl.service.limits import BURST, LONGEST_REQUEST, LOOK, STOP_PRIORITY, TAKEN, WAITING
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP
 
@@ -79,17 +79,14 @@ class StopPath:
 
     def status(self) -> dict[str, Any]:
         """The machine as the control interface shows it, and whether all stops are taken."""
-        now, statuses = time.monotonic(), [board.status() for _, board in self._axes]
-        silent = not answers(statuses, now)
-        axes = [axis_json(shown, board, now, silent) for shown, board in self._axes]
-        return {"axes": axes, "alive": not silent, "refused": self.refused, "heeded": self._heeded()}
+        return {**machine_json(self._axes, self.refused), "heeded": self._heeded()}
 
     def _take(self, request: bytes, answer: socket.socket | None) -> None:
         try:
             asked = json.loads(request)
-            what, axis = asked["do"], asked["axis"]
+            what, axis = str(asked["do"]), asked["axis"]
             chosen = [board for shown, board in self._axes if axis in ("", shown.name)]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             what, axis, chosen = "", "", []
         if what in _KINDS and chosen:
             for board in chosen:

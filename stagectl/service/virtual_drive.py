@@ -31,11 +31,8 @@ _READY = "virtual drive"
 
 def answers(wire: Canopen, patience: float = 0.2) -> bool:
     """Whether a node with the wire's id answers on its bus."""
-    bus = open_bus(wire.interface, wire.channel, wire.bitrate)
-    try:
+    with contextlib.closing(open_bus(wire.interface, wire.channel, wire.bitrate)) as bus:
         return bool(answering(bus, nodes=(wire.node,), patience=patience))
-    finally:
-        bus.close()
 
 
 def wanted(wire: Canopen) -> bool:
@@ -161,7 +158,6 @@ def virtual_node(
         plant,
         bus,
         "wall" if time else setup.file.simulation.clock,
-        setup.dt,
         damping,
         report,
         distance=lambda way: length(way * axis.travel_per_unit, axis.travel_unit),

@@ -19,32 +19,3 @@ from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell, SCurve, Trapezoid
 from stagectl.trajectories.recorded import Columns, Csv, Recorded, columns
 from stagectl.trajectories.sequence import TYPES, Sequence, Sum, Trajectory
-
-__all__ = [
-    "CURRENTS",
-    "TYPES",
-    "Columns",
-    "Csv",
-    "CurrentMultisine",
-    "CurrentSine",
-    "CurrentSweep",
-    "Dwell",
-    "Excited",
-    "Experiment",
-    "Multisine",
-    "Phases",
-    "Recorded",
-    "Released",
-    "SCurve",
-    "Sequence",
-    "Sine",
-    "Span",
-    "Sum",
-    "Trajectory",
-    "TrajectoryError",
-    "Trapezoid",
-    "check",
-    "columns",
-    "peaks",
-    "phases",
-]

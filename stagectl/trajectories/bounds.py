@@ -12,3 +12,4 @@ SAMPLING = 0.25  # of a control period, between two samples that extremes are ta
 PEAK_POINTS = 32  # of a multisine to its shortest wave: they find every peak within half a per cent
 PEAK_HEIGHT = 0.99  # of the highest of these points, from which Newton's rule climbs a peak
 PEAK_STEPS = 3  # of Newton's rule
+FAR_BELOW = 0.2  # of a velocity: a short move that is a triangle comes closer

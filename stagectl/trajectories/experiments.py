@@ -16,13 +16,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from stagectl.problem import Problem, ProblemKind
-from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine, CurrentSine, CurrentSweep
+from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine
 from stagectl.trajectories.limits import check as check_trajectory
 from stagectl.trajectories.limits import check_duration, check_intervals
 from stagectl.trajectories.motion import Array, TrajectoryError
-from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell
-from stagectl.trajectories.recorded import Recorded
 from stagectl.trajectories.sequence import Entry, Trajectory
 from stagectl.units import Quantity, Tagged
 
@@ -61,7 +59,7 @@ class Phases(NamedTuple):
 
 def phases(experiment: Experiment) -> Phases:
     """What `experiment` is made of."""
-    if isinstance(experiment, CurrentSine | CurrentMultisine | CurrentSweep):
+    if isinstance(experiment, Current):
         duration = experiment.duration
         return Phases(Dwell(duration), experiment, 0.0, 0.0, duration, steady_of(experiment))
     if isinstance(experiment, Excited):
@@ -77,9 +75,8 @@ def phases(experiment: Experiment) -> Phases:
 
 def steady_of(part: Trajectory | Current) -> tuple[float, float]:
     """Where a tracking error is taken (s): the periods at full amplitude, the recorded part, else all of it."""
-    if isinstance(part, Sine | Multisine | Recorded | CurrentSine | CurrentMultisine):
-        return part.steady
-    return 0.0, part.duration
+    steady: tuple[float, float] = getattr(part, "steady", (0.0, part.duration))
+    return steady
 
 
 def check(experiment: Experiment) -> None:
@@ -87,7 +84,7 @@ def check(experiment: Experiment) -> None:
 
     Raises TrajectoryError with key, value, unit, what is admissible and what to change.
     """
-    if isinstance(experiment, CurrentSine | CurrentMultisine | CurrentSweep):
+    if isinstance(experiment, Current):
         _check_current(experiment, "")
     elif isinstance(experiment, Excited):
         check_trajectory(experiment.motion, "motion")

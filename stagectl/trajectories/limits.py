@@ -38,7 +38,8 @@ class Peaks(NamedTuple):
 
 def peaks(trajectory: Trajectory, dt: float) -> Peaks:
     """Extremes of `trajectory`, sampled at a quarter of the control period `dt` (s) and at both ends."""
-    extremes = np.array([_extremes(trajectory, t) for t in _blocks(trajectory.duration, SAMPLING * dt)])
+    motions = (trajectory.at(t) for t in _blocks(trajectory.duration, SAMPLING * dt))
+    extremes = np.array([(x.min(), x.max(), np.abs(v).max(), np.abs(a).max()) for x, v, a in motions])
     lowest, (highest, speed, acceleration) = extremes[:, 0].min(), extremes[:, 1:].max(axis=0)
     return Peaks(float(lowest), float(highest), float(speed), float(acceleration))
 
@@ -49,11 +50,6 @@ def _blocks(duration: float, step: float) -> Iterator[Any]:
     for first in range(0, count, BLOCK):
         yield step * np.arange(first, min(first + BLOCK, count))
     yield np.array([0.0, np.nextafter(duration, 0.0), duration])
-
-
-def _extremes(trajectory: Trajectory, t: Any) -> tuple[float, float, float, float]:
-    x, v, a = trajectory.at(t)
-    return x.min(), x.max(), np.abs(v).max(), np.abs(a).max()
 
 
 def check(trajectory: Trajectory, place: str = "") -> None:

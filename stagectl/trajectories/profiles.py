@@ -17,6 +17,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from stagectl.number_format import length
+from stagectl.trajectories.bounds import FAR_BELOW
 from stagectl.trajectories.motion import Array, Motion, contained
 from stagectl.units import Quantity
 
@@ -148,11 +150,6 @@ def _end(p: Trapezoid | SCurve) -> float:
     return p.cycles * p.distance if p.one_way else 0.0
 
 
-def top_speed(p: Trapezoid | SCurve) -> float:
-    """The highest speed that a move reaches (m/s)."""
-    return max(p._phases.velocity)
-
-
 def _moves(p: Trapezoid | SCurve, phases: _Phases, t: Array) -> Motion:
     """All moves of `p` at the times `t` (n,) s within its duration."""
     lap = phases.time[-1] + p.dwell
@@ -172,3 +169,20 @@ def _move(phases: _Phases, t: Array) -> Motion:
     # Rounding must not lead beyond the end: a limit may lie exactly there.
     place = np.minimum(x + h * (v + h * (0.5 * a + h * j / 6.0)), phases.position[-1])
     return Motion(place, v + h * (a + 0.5 * h * j), a + h * j)
+
+
+def unreached(motion: object, unit: str) -> list[str]:
+    """A note on each move in a trajectory that stays far below its own velocity; `unit` is that of its travel.
+
+    A unit is mistaken there more often than it is meant.
+    """
+    if not isinstance(motion, Trapezoid | SCurve):
+        return list(dict.fromkeys(words for part in getattr(motion, "parts", ()) for words in unreached(part, unit)))
+    top = max(motion._phases.velocity)
+    if top >= FAR_BELOW * motion.velocity:
+        return []
+    others = "acceleration" if isinstance(motion, Trapezoid) else "acceleration and jerk"
+    return [
+        f"velocity = {length(motion.velocity, f'{unit}/s')} is never reached, the top is {length(top, f'{unit}/s')}, "
+        f"and all of it takes {motion.duration:.3g} s: check the units of distance, velocity, {others}"
+    ]

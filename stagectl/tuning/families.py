@@ -81,12 +81,8 @@ def family(p: stage.Stage, control: design.Settings, law: str, own: bool = False
     Raises TuningError where `own` ratios are requested and `control` has none.
     """
     if own and (isinstance(control, design.Control) or law == "pid"):
-        raise TuningError(
-            f"--start own; must be rule: a {law} control takes no ratios from a {law_of(control)} one",
-            option="start",
-            value="own",
-            admissible="rule",
-        )
+        text = f"--start own; must be rule: a {law} control takes no ratios from a {law_of(control)} one"
+        raise TuningError(text, option="start", value="own", admissible="rule")
     ratios = ratios_of(control) if own and isinstance(control, design.CascadeControl) else Ratios()
     return Family(p, as_law(control, law), ratios)
 

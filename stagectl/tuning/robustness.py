@@ -17,6 +17,7 @@ bandwidths).
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -113,81 +114,71 @@ def _parts(designed: cascade.Cascade, whole: Rational, watching: observer.Observ
 
 def _differenced(plant: Rational, inner: Rational) -> tuple[Rational, Rational]:
     """Plant and path of the velocity loop: the difference cancels the integrator from velocity to position."""
-    integrator = np.array([1.0, -1.0])
+    integrator = np.array([1.0, 0.0])
     velocity = Rational(plant.numerator, np.polydiv(plant.denominator, integrator)[0])
     return velocity, Rational(np.polydiv(inner.numerator, integrator)[0], inner.denominator)
 
 
+@functools.lru_cache(maxsize=1)
 def grid(dt: float) -> Array:
-    """Frequencies (POINTS,) Hz up to Nyquist's."""
+    """Frequencies (POINTS,) Hz up to Nyquist's, between which particular points are refined."""
     return np.geomspace(LOWEST / dt, 0.5 / dt, POINTS)
 
 
 def robustness(loop: Loop) -> Robustness:
     """Margins and peaks of the loop, each refined between the frequencies of the grid."""
-    curve = Curve(loop, grid(loop.dt))
-    values = loop.at(curve.frequency)
-    crossings = _crossings(curve, values)
+    values = loop.at(grid(loop.dt))
+    crossings = _crossings(loop, values)
     crossover, phase = _worst(crossings)
     delay = min((angle % (2.0 * math.pi) / (2.0 * math.pi * f) for f, angle in crossings), default=math.inf)
-    raised, lowered = _gain_margins(curve, values)
-    complementary = _peak(curve, lambda value: np.abs(value / (1.0 + value)), values)
-    return Robustness(
-        stable(loop), phase, crossover, delay, raised, lowered, _sensitivity(curve, values), complementary
-    )
+    raised, lowered = _gain_margins(loop, values)
+    complementary = _peak(loop, lambda value: np.abs(value / (1.0 + value)), values)
+    return Robustness(stable(loop), phase, crossover, delay, raised, lowered, _sensitivity(loop, values), complementary)
 
 
 def essence(loop: Loop) -> tuple[float, float]:
     """Phase margin (rad) and Ms alone, for a search."""
-    curve = Curve(loop, grid(loop.dt))
-    values = loop.at(curve.frequency)
-    return _worst(_crossings(curve, values))[1], _sensitivity(curve, values).value
+    values = loop.at(grid(loop.dt))
+    return _worst(_crossings(loop, values))[1], _sensitivity(loop, values).value
 
 
-class Curve(NamedTuple):
-    """A loop, and the frequencies (n,) Hz between which its particular points are refined."""
-
-    loop: Loop
-    frequency: Array
-
-
-def _roots(curve: Curve, function: Callable[[Any], float], values: NDArray[Any]) -> list[float]:
+def _roots(loop: Loop, function: Callable[[Any], float], values: NDArray[Any]) -> list[float]:
     """Frequencies (Hz) at which a `function` of L changes its sign; `values` (n,) are its own along the curve."""
-    at, f = curve.loop.at, curve.frequency
+    at, f = loop.at, grid(loop.dt)
     changes = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(lambda x: function(at(x)), f[k], f[k + 1], xtol=1e-14, rtol=1e-13)) for k in changes]
 
 
-def _crossings(curve: Curve, values: NDArray[Any]) -> list[tuple[float, float]]:
+def _crossings(loop: Loop, values: NDArray[Any]) -> list[tuple[float, float]]:
     """Where |L| passes 1: (Hz, phase above -180 deg in rad)."""
-    unity = _roots(curve, lambda value: math.log(abs(value)), np.log(np.abs(values)))
-    return [(f, float(np.angle(-curve.loop.at(f)))) for f in unity]
+    unity = _roots(loop, lambda value: math.log(abs(value)), np.log(np.abs(values)))
+    return [(f, float(np.angle(-loop.at(f)))) for f in unity]
 
 
 def _worst(crossings: list[tuple[float, float]]) -> tuple[float, float]:
     return min(crossings, key=lambda pair: pair[1], default=(0.0, math.inf))
 
 
-def _sensitivity(curve: Curve, values: NDArray[Any]) -> Peak:
-    return _peak(curve, lambda value: 1.0 / np.abs(1.0 + value), values)
+def _sensitivity(loop: Loop, values: NDArray[Any]) -> Peak:
+    return _peak(loop, lambda value: 1.0 / np.abs(1.0 + value), values)
 
 
-def _gain_margins(curve: Curve, values: NDArray[Any]) -> tuple[Peak, Peak]:
+def _gain_margins(loop: Loop, values: NDArray[Any]) -> tuple[Peak, Peak]:
     """Factors on the gain at which a closed-loop pole meets the unit circle: where L is negative and real."""
-    last = float(curve.frequency[-1])  # Nyquist's frequency: L is real there, but for rounding
-    frequencies = [*_roots(curve, lambda value: float(value.imag), values.imag[:-1]), last]
-    values_there = [(f, complex(curve.loop.at(f))) for f in frequencies]
+    last = float(grid(loop.dt)[-1])  # Nyquist's frequency: L is real there, but for rounding
+    frequencies = [*_roots(loop, lambda value: float(value.imag), values.imag[:-1]), last]
+    values_there = [(f, complex(loop.at(f))) for f in frequencies]
     factors = [Peak(1.0 / abs(value), f) for f, value in values_there if value.real < 0.0]
     raised = min((factor for factor in factors if factor.value > 1.0), default=Peak(math.inf, 0.0))
     lowered = max((factor for factor in factors if FAINTEST < factor.value < 1.0), default=Peak(0.0, 0.0))
     return raised, lowered
 
 
-def _peak(curve: Curve, gain: Callable[[Any], Any], values: NDArray[Any]) -> Peak:
+def _peak(loop: Loop, gain: Callable[[Any], Any], values: NDArray[Any]) -> Peak:
     """Largest `gain` of the complex `values` (n,) along the curve, refined around the highest of them."""
-    sizes, f = gain(values), curve.frequency
+    sizes, f = gain(values), grid(loop.dt)
     k = int(np.argmax(sizes))
-    lowest = _lowest(lambda x: -float(gain(curve.loop.at(x))), f, k)
+    lowest = _lowest(lambda x: -float(gain(loop.at(x))), f, k)
     return Peak(float(sizes[k]), float(f[k])) if -lowest.value < sizes[k] else lowest._replace(value=-lowest.value)
 
 
@@ -200,7 +191,7 @@ def _lowest(function: Callable[[float], float], f: Array, k: int) -> Peak:
 
 def stable(loop: Loop) -> bool:
     """Whether all poles of the closed loop lie inside the unit circle."""
-    return bool(np.max(np.abs(np.roots(characteristic(loop)))) < 1.0)
+    return design.settles(characteristic(loop))
 
 
 def characteristic(loop: Loop) -> NDArray[Any]:
@@ -235,12 +226,17 @@ def _passes(function: Callable[[Any], Any], frequency: Array) -> float:
 
 def stepped(response: Loop, length: int) -> Array:
     """Measured position (length,) for a step of the target by 1 at the first sample."""
-    numerator = np.polymul(response.plant.numerator, response.cut.numerator)
+    numerator = _in_z(np.polymul(response.plant.numerator, response.cut.numerator))
     # The target's path and the feedback share their denominator, so the closed loop's poles are those of the feedback.
-    poles = characteristic(Loop(response.plant, response.closed, NOTHING, response.dt))
+    poles = _in_z(characteristic(Loop(response.plant, response.closed, NOTHING, response.dt)))
     late = np.concatenate([np.zeros(len(poles) - len(numerator)), numerator])
     position: Array = lfilter(late / poles[0], poles / poles[0], np.ones(length))
     return position
+
+
+def _in_z(polynomial: NDArray[Any]) -> NDArray[Any]:
+    """Coefficients of a polynomial in ``w = z - 1`` by powers of z."""
+    return np.asarray(np.poly1d(polynomial)(np.poly1d([1.0, -1.0])).coeffs)
 
 
 def stiffness(p: stage.Stage, loop: Loop, frequency: Any) -> Any:

@@ -64,22 +64,16 @@ def tuned(family: Family, demand: Demand, bandwidth: float | None = None) -> Tun
         return _fastest(family, demand)
     quantity = Quantity("Hz", f"(0, {_most(family):g}]", "bandwidth")
     if not quantity.admits(bandwidth):
-        raise TuningError(
-            f"bandwidth = {bandwidth:g} Hz; must lie in {quantity.interval} Hz",
-            option="bandwidth",
-            value=bandwidth,
-            admissible=quantity.interval,
-        )
+        text = f"bandwidth = {bandwidth:g} Hz; must lie in {quantity.interval} Hz"
+        raise TuningError(text, option="bandwidth", value=bandwidth, admissible=quantity.interval)
     missing = _missing(family, demand, bandwidth)
     if missing:
         nearest = _nearest(family, demand, bandwidth)
-        raise TuningError(
+        text = (
             f"bandwidth = {bandwidth:g} Hz is not possible: {'; '.join(missing)}; {_required(demand)}.  "
-            f"{_loop(family)}.  {nearest.words}",
-            option="bandwidth",
-            value=bandwidth,
-            nearest=nearest,
+            f"{_loop(family)}.  {nearest.words}"
         )
+        raise TuningError(text, option="bandwidth", value=bandwidth, nearest=nearest)
     control = chosen(family, bandwidth)
     return Tuned(control, bandwidth, reached(family.stage, control), family, demand)
 
@@ -171,12 +165,10 @@ def _fastest(family: Family, demand: Demand) -> Tuned:
     highest = _highest(family, demand)
     if highest is None:
         best = _best(family)
-        raise TuningError(
-            f"no bandwidth from {_span(family)} meets the demand: {_required(demand)}.  {_loop(family)}.  {best.words}",
-            option="margin",
-            value=demand.margin,
-            nearest=best,
+        text = (
+            f"no bandwidth from {_span(family)} meets the demand: {_required(demand)}.  {_loop(family)}.  {best.words}"
         )
+        raise TuningError(text, option="margin", value=demand.margin, nearest=best)
     control = chosen(family, highest)
     more = constants.BEYOND * highest
     binding = tuple(_missing(family, demand, more)) or (_restless(family, more),)

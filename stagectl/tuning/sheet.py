@@ -153,8 +153,8 @@ def margins(tuned: Tuned) -> list[list[str]]:
     loops = list(tuned.reached.values())
     return [
         ["PM", *(_at(f"{math.degrees(loop.phase):.1f} deg", loop.crossover) for loop in loops)],
-        ["GM up", *(_raised(loop) for loop in loops)],
-        ["GM down", *(_lowered(loop) for loop in loops)],
+        ["GM up", *(_gain(loop.raised) for loop in loops)],
+        ["GM down", *(_gain(loop.lowered) for loop in loops)],
         ["delay margin", *(duration(loop.delay) if math.isfinite(loop.delay) else "any" for loop in loops)],
         ["Ms", *(_at(f"{loop.sensitivity.value:.2f}", loop.sensitivity.frequency) for loop in loops)],
         ["modulus 1/Ms", *(f"{loop.modulus:.2f}" for loop in loops)],
@@ -193,12 +193,8 @@ def _complementary(loop: Robustness) -> str:
     return "1, no peak" if peak.value <= 1.0 else _at(f"{peak.value:.2f}", peak.frequency)
 
 
-def _raised(loop: Robustness) -> str:
-    return _at(decibels(loop.raised.value), loop.raised.frequency) if math.isfinite(loop.raised.value) else "any"
-
-
-def _lowered(loop: Robustness) -> str:
-    return _at(decibels(loop.lowered.value), loop.lowered.frequency) if loop.lowered.value > 0.0 else "any"
+def _gain(margin: Peak) -> str:
+    return _at(decibels(margin.value), margin.frequency) if 0.0 < margin.value < math.inf else "any"
 
 
 def result(setup: Setup, tuned: Tuned) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,23 +30,20 @@ class TwinCandidate(NamedTuple):
 
 def of_mechanics(p: stage.Stage, dt: float) -> list[tuple[TwinCandidate, Change]]:
     """Each candidate of the mechanics that `p` has a scale for, with its change of the model by `thresholds.NUDGE`."""
-    body, force_constant = p.mechanics, p.motor.force_constant
-    sliding = stage.sliding(p.friction)
+    body, sliding = p.mechanics, stage.sliding(p.friction)
     viscous = body.viscous or thresholds.NATURAL_RATE * body.inertia
     holding = sliding or thresholds.NATURAL_RATE * viscous
     length = friction_length(p.friction)
-    relative, form = (
-        (thresholds.MATERIAL, thresholds.PRIOR, "%"),
-        (thresholds.MATERIAL_FORM, thresholds.PRIOR_FORM, "%"),
-    )
+    form = (thresholds.MATERIAL_FORM, thresholds.PRIOR_FORM, "%")
     shift = TwinCandidate("time_shift", "s", 0.0, dt, thresholds.MATERIAL_SHIFT, thresholds.PRIOR_SHIFT, "Ts")
+    coulomb = TwinCandidate("coulomb", "N m | N", sliding, sliding, thresholds.MATERIAL, thresholds.PRIOR, "%")
     changes: list[tuple[TwinCandidate, Change]] = [
-        (TwinCandidate("inertia", "kg m^2 | kg", body.inertia, body.inertia, *relative), _inertia),
-        (TwinCandidate("viscous", "N m s/rad | N s/m", body.viscous, viscous, *relative), _added("viscous", viscous)),
-        (TwinCandidate("coulomb", "N m | N", sliding, sliding, *relative), _friction(stage.scaled_friction)),
-        (TwinCandidate("bias", "N m | N", body.bias, holding, *relative), _added("bias", holding)),
+        _parameter(body, "mechanics", "inertia", "kg m^2 | kg", body.inertia),
+        _parameter(body, "mechanics", "viscous", "N m s/rad | N s/m", viscous),
+        (coulomb, _friction(stage.scaled_friction)),
+        _parameter(body, "mechanics", "bias", "N m | N", holding),
         (shift, lambda p: p),  # its rows are nudged, not its model
-        (TwinCandidate("force_constant", "N m/A | N/A", force_constant, force_constant, *relative), _force_constant),
+        _parameter(p.motor, "motor", "force_constant", "N m/A | N/A", p.motor.force_constant),
         (TwinCandidate(PRESLIDING, "rad | m", length, length, *form), _friction(stage.stretched_friction)),
         (TwinCandidate(BEND, "", 0.0, float(length > 0.0), *form), _bent),
     ]
@@ -70,20 +67,12 @@ def friction_length(p: stage.Friction) -> float:
     return max(longest, 3.0 * p.bristle.coulomb / p.bristle.stiffness)
 
 
-def _inertia(p: stage.Stage) -> stage.Stage:
-    return p._replace(mechanics=p.mechanics._replace(inertia=p.mechanics.inertia * (1.0 + thresholds.NUDGE)))
-
-
-def _added(field: str, scale: float) -> Change:
-    def change(p: stage.Stage) -> stage.Stage:
-        value = getattr(p.mechanics, field) + thresholds.NUDGE * scale
-        return p._replace(mechanics=p.mechanics._replace(**{field: value}))
-
-    return change
-
-
-def _force_constant(p: stage.Stage) -> stage.Stage:
-    return p._replace(motor=p.motor._replace(force_constant=p.motor.force_constant * (1.0 + thresholds.NUDGE)))
+def _parameter(block: Any, of: str, name: str, unit: str, scale: float) -> tuple[TwinCandidate, Change]:
+    """A field of the model's `block` that is called `of`, and the model with a small step of it."""
+    nominal: float = getattr(block, name)
+    stepped = block._replace(**{name: nominal + thresholds.NUDGE * scale})
+    candidate = TwinCandidate(name, unit, nominal, scale, thresholds.MATERIAL, thresholds.PRIOR, "%")
+    return candidate, lambda p: p._replace(**{of: stepped})
 
 
 def _friction(change: Callable[[stage.Friction, float], stage.Friction]) -> Change:

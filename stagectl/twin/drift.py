@@ -101,31 +101,23 @@ def _named(trends: tuple[Trend, ...]) -> DriftReport:
     drifting = sorted((trend for trend in trends if trend.drifts), key=lambda trend: -abs(trend.slope / trend.scale))
     if not drifting:
         return DriftReport(trends, (), (), f"nothing drifts beyond {100 * MATERIAL_DRIFT:.0f} % over {_span(trends)}")
-    if _same_rate([trend for trend in trends if trend.name in FORCE_SCALED]):
+    if (rate := _common_rate([trend for trend in trends if trend.name in FORCE_SCALED])) is not None:
         rest = [trend for trend in drifting if trend.name not in (*FORCE_SCALED, "bias")]
-        rate = _common_rate(trends)
         words = f"force_constant or current_gain {100 * -rate:+.3g} % a day: inertia, viscous and coulomb drift alike"
         named = ("force_constant", *(trend.name for trend in rest))
         return DriftReport(trends, named, ("current_gain",), "; ".join([words, *map(_words, rest)]))
     return DriftReport(trends, tuple(t.name for t in drifting), (), "; ".join(map(_words, drifting)))
 
 
-def _same_rate(common: Sequence[Trend]) -> bool:
-    """Whether inertia, viscous and coulomb surely drift by one factor: an exact ambiguity with Kt."""
+def _common_rate(common: Sequence[Trend]) -> float | None:
+    """The factor per day by which inertia, viscous and coulomb rise, an exact ambiguity with Kt; None: not by one."""
     if len(common) < len(FORCE_SCALED) or sum(trend.drifts for trend in common) < 2:
-        return False
+        return None
     rates = np.array([trend.slope / trend.scale for trend in common])
     errors = np.array([trend.half / trend.scale for trend in common]) / stats.norm.ppf(1.0 - RISK / 2.0)
     mean = np.average(rates, weights=errors**-2.0)
     apart = float(np.sum(((rates - mean) / errors) ** 2))
-    return apart < float(stats.chi2.ppf(1.0 - RISK, len(common) - 1))
-
-
-def _common_rate(trends: Sequence[Trend]) -> float:
-    """The factor per day by which all of them rise, weighted by their intervals."""
-    own = [trend for trend in trends if trend.name in FORCE_SCALED]
-    rates = [trend.slope / trend.scale for trend in own]
-    return float(np.average(rates, weights=[(trend.half / trend.scale) ** -2.0 for trend in own]))
+    return float(mean) if apart < float(stats.chi2.ppf(1.0 - RISK, len(common) - 1)) else None
 
 
 def _words(trend: Trend) -> str:

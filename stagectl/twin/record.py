@@ -16,9 +16,11 @@ from stagectl.number_format import NORMAL
 from stagectl.problem import why_unread
 from stagectl.twin.candidates import FORM as FRICTION_FORM
 from stagectl.twin.estimate import NamedDrift, ParameterDrift, TwinStatus
-from stagectl.units import Quantity
+from stagectl.units import unit_on
 
 FORMAT = "stagectl-twin/1"
+SUFFIX = ".twin.json"  # of a snapshot
+_SOURCE = "a run with --twin writes one next to its recording"
 
 
 def _drift(drift: ParameterDrift, kind: str) -> dict[str, Any]:
@@ -28,7 +30,7 @@ def _drift(drift: ParameterDrift, kind: str) -> dict[str, Any]:
         "error": drift.error * p.scale,
         "nominal": p.nominal,
         "scale": p.scale,
-        "unit": Quantity(p.unit, "", "").unit_for(kind),
+        "unit": unit_on(kind, p.unit),
         "told": drift.determined,
     }
 
@@ -114,7 +116,7 @@ def words(p: TwinStatus, about: dict[str, Any]) -> str:
             return "the machine differs from the model: " + "; ".join(map(effect_words, p.named))
         case "waiting":
             return "too little motion yet: the axis must travel through its friction, then a few seconds"
-    effort = Quantity("N m | N", "", "").unit_for(about["kind"])
+    effort = unit_on(about["kind"], "N m | N")
     return f"silent: nothing named, residual {p.mechanics:.3g} {effort} rms"
 
 
@@ -181,3 +183,24 @@ def _entry(line: str) -> dict[str, Any] | None:
         return None
     sound = isinstance(entry, dict) and entry.get("format") == FORMAT
     return entry if sound and math.isfinite(entry.get("time", math.nan)) else None
+
+
+def live_file(recording: Path) -> Path:
+    """Where the twin of a run writes its snapshot."""
+    return recording.with_name(recording.name.removesuffix(".h5") + SUFFIX)
+
+
+def newest(folder: Path) -> Path | None:
+    """The snapshot that was written last."""
+    return max(folder.glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime, default=None)
+
+
+def load_snapshot(path: Path) -> dict[str, Any]:
+    """The snapshot that the twin wrote last.  Raises GapError where the file is not a twin's."""
+    try:
+        entry = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise GapError(f"{path} cannot be read: {why_unread(error)}; {_SOURCE}") from error
+    if not isinstance(entry, dict) or entry.get("format") != FORMAT:
+        raise GapError(f"{path} is no snapshot of a twin ({FORMAT}); {_SOURCE}")
+    return entry

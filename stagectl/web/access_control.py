@@ -19,10 +19,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
-from starlette.responses import JSONResponse
-
 from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.service.axis_controller import ServiceError
+from stagectl.web.bodies import refusal
 from stagectl.web.limits import LEAST_SECRET, MOST_SECRET, SECRET_BYTES
 
 PUBLIC = ("/", "/page/")  # the page itself: nothing of the machine is in it
@@ -72,13 +71,13 @@ def guarded(app: Answer, *checks: Check) -> Answer:
 
 def at_home(seat: Seat) -> Check:
     """The Unix socket: whoever may use it owns the machine, and takes an owner's seat."""
-    return lambda scope: _no(503, _FULL) if scope["type"] == "http" and not seat(scope, Permission.MOVE) else None
+    return lambda scope: refusal(503, _FULL) if scope["type"] == "http" and not seat(scope, Permission.MOVE) else None
 
 
 def by_key(keys: Keys, seat: Seat) -> Check:
     """TCP: a request gets the permission of its key or is refused; a live connection sends its key itself."""
 
-    def refusal(scope: Any) -> Answer | None:
+    def refused(scope: Any) -> Answer | None:
         if scope["type"] == "websocket":
             scope["keys"] = keys
         if scope["type"] != "http" or scope["path"] == PUBLIC[0] or scope["path"].startswith(PUBLIC[1]):
@@ -86,14 +85,14 @@ def by_key(keys: Keys, seat: Seat) -> Check:
         bearer = dict(scope["headers"]).get(b"authorization", b"").decode("latin-1")
         scope["may"] = may = keys.grant(bearer.removeprefix("Bearer ")) if bearer else Permission.NOTHING
         if may is Permission.NOTHING:
-            return _no(401, "the token is missing or wrong: send the header 'Authorization: Bearer TOKEN'")
+            return refusal(401, "the token is missing or wrong: send the header 'Authorization: Bearer TOKEN'")
         if scope["method"] not in _READING and may is not Permission.MOVE:
-            return _no(
+            return refusal(
                 403, "this token only allows reading: use the Unix socket, or the key that `stagectl page` prints"
             )
-        return None if seat(scope, may) else _no(503, _FULL)
+        return None if seat(scope, may) else refusal(503, _FULL)
 
-    return refusal
+    return refused
 
 
 def same_site(home: bool) -> Check:
@@ -102,14 +101,16 @@ def same_site(home: bool) -> Check:
     Programs send no Origin; a browser does with everything that changes something, and with live connections.
     """
 
-    def refusal(scope: Any) -> Answer | None:
+    def refused(scope: Any) -> Answer | None:
         if scope["type"] not in ("http", "websocket") or _ours(dict(scope["headers"]), home):
             return None
         if scope["type"] == "websocket":
             return _closed
-        return _no(403, "the request comes from the page of another site: open the address that `stagectl page` prints")
+        return refusal(
+            403, "the request comes from the page of another site: open the address that `stagectl page` prints"
+        )
 
-    return refusal
+    return refused
 
 
 def _ours(headers: dict[bytes, bytes], home: bool) -> bool:
@@ -121,10 +122,6 @@ def _ours(headers: dict[bytes, bytes], home: bool) -> bool:
 
 async def _closed(scope: Any, receive: Any, send: Any) -> None:
     await send({"type": "websocket.close", "code": 1008})
-
-
-def _no(status: int, words: str) -> JSONResponse:
-    return JSONResponse({"error": words}, status)
 
 
 def secret(path: Path) -> str:

@@ -146,10 +146,12 @@ class Bodies:
         try:
             body = await asyncio.wait_for(_whole(scope, receive, most), BODY_TIME)
         except TimeoutError:
-            await _refused(408, f"the body has not come within {BODY_TIME:g} s")(scope, receive, send)
+            await refusal(408, f"the body has not come within {BODY_TIME:g} s", Connection="close")(
+                scope, receive, send
+            )
             return
         if body is None or structure(body) > STRUCTURE:
-            await _refused(413, _too_large(scope, body, most))(scope, receive, send)
+            await refusal(413, _too_large(scope, body, most), Connection="close")(scope, receive, send)
             return
         await self._app(scope, _replayed(body, receive), send)
 
@@ -199,22 +201,28 @@ def _replayed(body: bytes, receive: Any) -> Any:
     return next_message
 
 
-def _refused(status: int, words: str) -> JSONResponse:
-    return JSONResponse({"error": words}, status, {"Connection": "close"})
+def refusal(status: int, words: str, **headers: str) -> JSONResponse:
+    """The answer of the interface to what it does not do."""
+    return JSONResponse({"error": words}, status, headers)
 
 
 async def for_client(request: Request, work: Any) -> Any:
     """The result of this coroutine; it is cancelled when the client goes.  Raises ServiceError then, to nobody."""
-    task, gone = asyncio.ensure_future(work), asyncio.ensure_future(_gone(request))
+    task = asyncio.ensure_future(work)
+    if task not in await first_ended(task, _gone(request)):
+        raise ServiceError("the client has gone")
+    return task.result()
+
+
+async def first_ended(*works: Any) -> set[asyncio.Future[Any]]:
+    """Those of these coroutines and tasks that have ended once one has; the others are cancelled and have ended."""
+    tasks = [asyncio.ensure_future(work) for work in works]
     try:
-        await asyncio.wait([task, gone], return_when=asyncio.FIRST_COMPLETED)
-        if not task.done():
-            raise ServiceError("the client has gone")
-        return await task
+        return (await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED))[0]
     finally:
-        for waiting in (task, gone):
-            waiting.cancel()
-        await asyncio.gather(task, gone, return_exceptions=True)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _gone(request: Request) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from stagectl.service.confined import confine
+from stagectl.service.child_process import confine
 from stagectl.service.limits import EXPORT_FILE, EXPORT_MEMORY, EXPORT_TIME
 from stagectl.units import StageError
 

@@ -7,14 +7,13 @@ from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
 from starlette.routing import Match, Route, WebSocketRoute
 
 from stagectl.problem import nearest
 from stagectl.realtime.shared_memory import BoardFullError
 from stagectl.service.axis_controller import AbsentError, ServiceError
 from stagectl.units import StageError
-from stagectl.web.bodies import wrong
+from stagectl.web.bodies import refusal, wrong
 
 _STATUS: dict[int | type[Exception], int] = {
     **{AbsentError: 404, ServiceError: 409, BoardFullError: 409, StageError: 422},
@@ -33,7 +32,7 @@ def add(app: FastAPI) -> None:
 
 def _refusal(status: int) -> Callable[[Request, Exception], Awaitable[Response]]:
     async def answer(_: Request, error: Exception) -> Response:
-        return JSONResponse({"error": str(getattr(error, "detail", error))}, status)
+        return refusal(status, str(getattr(error, "detail", error)))
 
     return answer
 
@@ -43,22 +42,18 @@ async def _not_allowed(request: Request, _: Exception) -> Response:
     known = (route for route in request.app.routes if isinstance(route, Route))
     fitting = [route for route in known if route.matches(request.scope)[0] != Match.NONE]
     methods = ", ".join(sorted({name for route in fitting for name in route.methods or ()}))
-    return JSONResponse({"error": f"{request.method} {request.url.path}: only {methods}"}, 405, {"Allow": methods})
+    return refusal(405, f"{request.method} {request.url.path}: only {methods}", Allow=methods)
 
 
 async def _malformed(request: Request, error: Exception) -> Response:
     details: list[dict[str, Any]] = getattr(error, "errors", list)()
     if [(one["type"], tuple(one["loc"])) for one in details] == [("missing", ("body",))]:
-        return JSONResponse({"error": f"the body is missing: {_expected(request)}"}, 422)
+        names = ", ".join(request.scope["route"].dependant.body_params[0].field_info.annotation.model_fields)
+        hint = f"send a JSON object with some of {names}; GET /openapi.json describes them"
+        return refusal(422, f"the body is missing: {hint}")
     unread = request.headers.get("content-length", "0") != "0" and "json" not in request.headers.get("content-type", "")
     words = "the body is not read as JSON: send the header Content-Type: application/json" if unread else wrong(details)
-    return JSONResponse({"error": words or str(error)}, 422)
-
-
-def _expected(request: Request) -> str:
-    """What the body of this path holds."""
-    model = request.scope["route"].dependant.body_params[0].field_info.annotation
-    return f"send a JSON object with some of {', '.join(model.model_fields)}; GET /openapi.json describes them"
+    return refusal(422, words or str(error))
 
 
 async def _absent(request: Request, _: Exception) -> Response:
@@ -68,4 +63,4 @@ async def _absent(request: Request, _: Exception) -> Response:
     words = f"there is no such path; {meant}GET /openapi.json lists all"
     if any(isinstance(route, WebSocketRoute) and route.path == path for route in request.app.routes):
         words = "it is a WebSocket: connect to it by ws://, see docs/page.md"
-    return JSONResponse({"error": f"{request.method} {path}: {words}"}, 404)
+    return refusal(404, f"{request.method} {path}: {words}")

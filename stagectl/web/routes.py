@@ -19,7 +19,7 @@ from stagectl.service.recordings import LONGEST
 from stagectl.service.service import Service
 from stagectl.web import assets, virtual_faults
 from stagectl.web.access_control import Permission
-from stagectl.web.bodies import Strict, for_client
+from stagectl.web.bodies import Strict, first_ended, for_client
 from stagectl.web.channels import channels, described
 from stagectl.web.export import Exports
 from stagectl.web.limits import AXIS_NAME, FILE_NAME, KEY_TIME, PATH_PART, REACHED_BACK, RECORDED
@@ -208,17 +208,9 @@ async def _may(link: WebSocket) -> Permission:
 
 async def _served(link: WebSocket, viewer: Viewer) -> None:
     """Hear and show until either ends."""
-    showing = asyncio.create_task(viewer.show())
-    hearing = asyncio.create_task(_heard(link, viewer))
-    try:
-        done, _ = await asyncio.wait([showing, hearing], return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # it has gone
-                task.result()
-    finally:
-        for task in (showing, hearing):
-            task.cancel()
-        await asyncio.gather(showing, hearing, return_exceptions=True)
+    for task in await first_ended(viewer.show(), _heard(link, viewer)):
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # it has gone
+            task.result()
 
 
 async def _heard(link: WebSocket, viewer: Viewer) -> None:

@@ -29,6 +29,7 @@ from stagectl.gap.logs.session import GapError
 from stagectl.problem import Problem
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.recording.metadata import STAMP, made_at, portable
+from stagectl.replacing import write_text
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
 from stagectl.workflows.motion import Say, check_not_interrupted, perform, prepare, reseeded
@@ -100,7 +101,6 @@ def laid_out(machine: Machine, runs: tuple[Run, ...], folder: Path) -> dict[str,
     """
     texts = {run.experiment.name: yaml_of(run.experiment) for run in runs}
     place = folder / "trajectories"
-    place.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         path = place / f"{name}.yaml"
         if path.is_file() and path.read_text(encoding="utf-8") != text:
@@ -108,7 +108,7 @@ def laid_out(machine: Machine, runs: tuple[Run, ...], folder: Path) -> dict[str,
                 f"{path} is another motion than the one for {machine.setup.path}: the folder belongs to another stage "
                 "or version; choose another with -o"
             )
-        path.write_text(text, encoding="utf-8")
+        write_text(path, text)
     return {name: prepare(machine.setup, place / f"{name}.yaml", frozenset(), folder / f"{name}.h5") for name in texts}
 
 

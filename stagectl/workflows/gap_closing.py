@@ -41,12 +41,12 @@ from stagectl.gap.steps import in_percent
 from stagectl.kernels.stage import Stage
 from stagectl.number_format import length, percent
 from stagectl.problem import Problem, ProblemKind
+from stagectl.replacing import write_text
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
 from stagectl.workflows import closing_patch
 from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, smaller
-from stagectl.workflows.closing_forecast import foretold
-from stagectl.workflows.closing_shares import shares
+from stagectl.workflows.closing_shares import foretold, shares
 from stagectl.workflows.layer_comparison import compare
 from stagectl.workflows.motion import Commanded, lay_out
 from stagectl.workflows.trials import Machine, Result, Shown, ready
@@ -103,10 +103,9 @@ def close(closing: Closing, shown: Shown) -> Result:
     the same command goes on.
     """
     closing = closing._replace(machine=closing.machine._replace(setup=lasting(closing.machine.setup)))
-    closing.folder.mkdir(parents=True, exist_ok=True)
     begun = closing.version(0)
     if not begun.exists():
-        begun.write_text(text_of(closing.machine.setup.path), encoding="utf-8")
+        write_text(begun, text_of(closing.machine.setup.path))
     with ready(closing.machine, shown):  # one drive for all: a virtual one is the machine of the first model
         closing = _recorded(closing, closing.setup(begun), shown)
         rounds, ended = _rounds(closing, begun, shown)
@@ -145,7 +144,7 @@ def _round(closing: Closing, stage: Path, number: int, struck: Names, shown: Sho
     if not change.changes:
         return found.sentence.rstrip(".")
     target = closing.version(number)
-    target.write_text(change.after, encoding="utf-8")
+    write_text(target, change.after)
     errors = _compared(closing, {BEFORE: setup, AFTER: closing.setup(target)}, place / "compared", shown)
     kept = not refusal(errors)
     before, after = (length(level(errors, name), setup.file.axis.travel_unit) for name in (BEFORE, AFTER))
@@ -186,7 +185,6 @@ def _diagnosed(
         session = load_session.load([closing.records], setup)
         found = pipeline.diagnose(session, pipeline.Options(struck, advice=False), in_percent(update))
         update(100, 100)
-    place.mkdir(parents=True, exist_ok=True)
     result_json.save(found.result, place)
     return found, session.stage
 
@@ -199,7 +197,6 @@ def _compared(
     for motion in unseen(closing.machine.setup):
         commanded = Commanded(f"{motion.name}.yaml", yaml_of(motion), motion.trajectory)
         folder = place / motion.name
-        folder.mkdir(parents=True, exist_ok=True)
         last = list(setups.values())[-1]
         variants = {name: (setup, frozenset[str]()) for name, setup in setups.items()}
         variants |= {f"{WITHOUT}{name}": (last, frozenset({name})) for name in left_out}
@@ -250,7 +247,7 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
 
 
 def _foretold(closing: Closing, model: Path, errors: Errors, shown: Shown) -> dict[str, float]:
-    """What the last `model` says of the `errors` on the machine before they are measured: see `closing_forecast`."""
+    """What the last `model` says of the `errors` on the machine before they are measured: see `foretold`."""
     machine = closing.machine._replace(simulated=True, plant=closing.setup(model), elsewhere=None)
     simulated = closing._replace(machine=machine)
     return foretold(errors, _judged(simulated, model, FORETOLD, shown, ()))
@@ -269,5 +266,5 @@ def _unanswered(closing: Closing, model: Path, dropped: tuple[str, ...]) -> Path
     axis = setup.file.axis
     change = patched(setup.text, {"control.unanswered": list(dict.fromkeys(places))}, Lengths(axis.kind, axis.lead))
     target = model.with_name(f"{model.stem}-dropped.yaml")
-    target.write_text(change.text, encoding="utf-8")
+    write_text(target, change.text)
     return target

@@ -103,13 +103,10 @@ def learn_missing(
             learned[name] = course.pop("current")
             save(folder / f"learned-{name}.h5", learned[name])
             courses.append({**course, "name": name})
-    motions.update({name: _with(motions[name], current) for name, current in learned.items()})
+    for name, current in learned.items():
+        meta = {**motions[name].meta, "layers": [*motions[name].meta["layers"], ILC]}
+        motions[name] = with_current(motions[name], current.current)._replace(meta=meta)
     return courses
-
-
-def _with(motion: Motion, current: Learned) -> Motion:
-    meta = {**motion.meta, "layers": [*motion.meta["layers"], ILC]}
-    return with_current(motion, current.current)._replace(meta=meta)
 
 
 def _matched(files: list[Path], motions: dict[str, Motion]) -> dict[str, Learned]:

@@ -30,7 +30,6 @@ def errors(
     """
     motion = trial(machine.setup)
     commanded = Commanded(f"{motion.name}.yaml", yaml_of(motion), motion.trajectory)
-    folder.mkdir(parents=True, exist_ok=True)
     variants = {name: lay_out(setup, commanded, frozenset(), folder / "run.h5") for name, setup in setups.items()}
     outcome = compare(machine, variants, plan, shown, folder)
     return {variant["name"]: variant["rms"]["mean"] for variant in outcome["variants"]}

@@ -29,7 +29,11 @@ def pretend(
     motion: Motion, plant: Setup | None = None, start: float = 0.0, elsewhere: Elsewhere | None = None
 ) -> dict[str, Any]:
     """Simulate and record the motion, see `simulated`, or have it done `elsewhere`; the result as JSON values."""
-    recording = simulated(motion, plant, start) if elsewhere is None else _carried_out(motion, elsewhere, start)
+    if elsewhere is None:
+        recording = simulated(motion, plant, start)
+    else:
+        meta = {**motion.meta, "drive": {"drive": "simulated elsewhere", "plant": ""}}
+        recording = Recording(motion.recording, meta, elsewhere(motion, start), True, "complete", 0)
     recording.path.parent.mkdir(parents=True, exist_ok=True)
     save(recording.path, recording.meta, recording.samples, recording.ended)
     return simulated_result(motion, recording)
@@ -55,11 +59,6 @@ def simulated(
         about |= {"drive": "simulated, with a friction law of the user", "friction_work": vars(work)}
     meta = {**motion.meta, "drive": about}
     return Recording(motion.recording, meta, samples, True, "complete", 0)
-
-
-def _carried_out(motion: Motion, elsewhere: Elsewhere, start: float) -> Recording:
-    meta = {**motion.meta, "drive": {"drive": "simulated elsewhere", "plant": ""}}
-    return Recording(motion.recording, meta, elsewhere(motion, start), True, "complete", 0)
 
 
 def simulated_result(motion: Motion, recording: Recording) -> dict[str, Any]:

@@ -25,15 +25,7 @@ from stagectl.recording import learned_current
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
-from stagectl.workflows.motion import (
-    Say,
-    blank,
-    check_not_interrupted,
-    drive_present,
-    perform,
-    reseeded,
-    with_current,
-)
+from stagectl.workflows.motion import Say, blank, check_not_interrupted, drive_present, perform, reseeded, with_current
 from stagectl.workflows.simulated_motion import Elsewhere, pretend
 
 Bar = Callable[[str, int], AbstractContextManager[Any]]
@@ -87,16 +79,12 @@ def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
     if machine.simulated:
         result = pretend(motion, machine.plant, machine.clock, machine.elsewhere)
     else:
-        result = perform(motion, _quiet, update)
+        result = perform(motion, lambda _: None, update)  # what a drive says at its first run holds for all
     update(len(motion.plan.setpoints), len(motion.plan.setpoints))
     check_not_interrupted(result)
     if result["fault"]:
         raise TrialError(f"the run was stopped: {result['fault']}; {result['recording']} shows it")
     return result
-
-
-def _quiet(_: str) -> None:
-    """What a drive says at its first run holds for all; faults come with the result."""
 
 
 def after(done: int, total: int, update: Progress) -> Progress:

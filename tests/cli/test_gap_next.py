@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import typer
 
-from stagectl.cli import gap_next
+from stagectl.cli import gap_apply
 from stagectl.gap.result.diagnosis import NextExperiment
 from stagectl.gap.result.result_json import save
 from stagectl.units import StageError
@@ -23,7 +23,7 @@ def following(folder: Path, proposed: NextExperiment | None, *options: str) -> i
     folder.mkdir(exist_ok=True)
     save(found("effects", next_experiment=proposed), folder)
     app = typer.Typer()
-    app.command("next")(gap_next.following)
+    app.command("next")(gap_apply.following)
     app.callback()(lambda: None)
     return int(app(["next", str(folder), *options], standalone_mode=False) or 0)
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import typer
 
-from stagectl.cli.usage import usage_error
+from stagectl.cli.streams import usage_error
 from stagectl.replacing import PAGE
 from stagectl.web import client
 from tests.cli.conftest import Command

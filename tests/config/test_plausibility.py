@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import stagectl as sc
-from stagectl.config.plausibility import doubtful
 from stagectl.config.source import ConfigError
+from stagectl.config.stage_checks import doubtful
 from stagectl.config.stage_file import load_stage
 from stagectl.problem import ProblemKind
 from tests.conftest import CONFIG

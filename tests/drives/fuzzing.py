@@ -15,6 +15,7 @@ from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.drive import Fault, Power, Simulation
 from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.node import VirtualNode
@@ -71,7 +72,7 @@ def fuzz_node(frames: int, seed: int) -> str:
     chance, script = random.Random(seed), Script()
     with tempfile.TemporaryDirectory() as folder:
         plant = Plant(linear_stage(), Simulation(substeps=1), DT)
-        node = VirtualNode(canopen_settings(folder), plant, script, "sync", DT, GAIN, lambda _: None)
+        node = VirtualNode(canopen_settings(folder), plant, script, "sync", GAIN, lambda _: None)
         node.boot()
         for _ in range(frames):
             raw = mutated(chance, SEEDS, NODE_IDS)
@@ -97,11 +98,11 @@ def fuzz_controller(frames: int, seed: int) -> str:
     ours, theirs = Wire(timeline, 1e6).ends
     plant = Plant(linear_stage(), Simulation(substeps=1), DT)
     settings = canopen_settings("unused", feedback_timeout=0.002)
-    node = VirtualNode(settings, plant, theirs, "wall", DT, GAIN, lambda _: None, time=timeline)
-    theirs.woken_by(node.turn)
+    node = VirtualNode(settings, plant, theirs, "wall", GAIN, lambda _: None, time=timeline)
+    theirs.wakes = node.turn
     timeline.every(0.001, node.turn)
     node.boot()
-    drive = CanopenDrive(settings, ours, STEP, DT, clock=timeline)
+    drive = CanopenDrive(Wishes(settings, STEP, DT), ours, clock=timeline)
     stops = cycles = fed = 0
     while fed < frames:
         for _ in range(chance.choice(_FED)):
@@ -117,10 +118,10 @@ def fuzz_controller(frames: int, seed: int) -> str:
             drive.ask(chance.choice((*Power, Power.ON, Power.ON)))  # whatever a daemon may answer to it
         if cycles % 1000 == 0 or (fault is Fault.REBOOTED and cycles % 20 == 0):
             stopped(drive, timeline)
-            drive = CanopenDrive(settings, ours, STEP, DT, clock=timeline)
+            drive = CanopenDrive(Wishes(settings, STEP, DT), ours, clock=timeline)
         assert abs(plant.state.velocity) < 1e-6, "it moves"
         assert len(ours.inbox) < 2 * _BACKLOG, f"frames pile up after {fed}"
-    drive = CanopenDrive(settings, ours, STEP, DT, clock=timeline)
+    drive = CanopenDrive(Wishes(settings, STEP, DT), ours, clock=timeline)
     enabled(drive, timeline)
     assert node.axis.state is cia402.DriveState.OPERATION_ENABLED
     drive.close()

@@ -27,9 +27,11 @@ from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.fault_texts import FAULTS
 from stagectl.drives.canopen.network import load_eds
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Power
+from stagectl.drives.limits import RESET_TIME
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.kernels import stage
 from tests.drives import workbench
@@ -64,7 +66,7 @@ def bus(bench: Workbench) -> Tapped:
 
 
 def drive_on(bench: Workbench, bus: Tapped, **changes: Any) -> CanopenDrive:
-    drive = CanopenDrive(bench.settings(**changes), bus, STEP, DT)
+    drive = CanopenDrive(Wishes(bench.settings(**changes), STEP, DT), bus)
     protocol: Drive = drive  # the protocol holds, says mypy
     assert protocol is drive
     return drive
@@ -135,7 +137,7 @@ def test_heartbeats_go_by_time_however_late_the_cycles(bench: Workbench, bus: Ta
     """Counted in cycles, a loop ten times too slow would be taken for a dead one."""
     bench.running("sync")
     clock = Hurried()
-    drive = CanopenDrive(bench.settings(), bus, STEP, DT, clock=clock)
+    drive = CanopenDrive(Wishes(bench.settings(), STEP, DT), bus, clock=clock)
     enabled(drive)
     begun = clock.now()
     bus.sent.clear()
@@ -446,8 +448,9 @@ sys.path[:0] = {path!r}
 from tests.drives.workbench import canopen_settings, enabled, STEP, DT
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 s = canopen_settings({channel!r}, heartbeat_timeout=0.5, rpdo_timeout=0.0)
-drive = CanopenDrive(s, open_bus("embedded", {channel!r}, 1e6), STEP, DT)
+drive = CanopenDrive(Wishes(s, STEP, DT), open_bus("embedded", {channel!r}, 1e6))
 enabled(drive)
 print("enabled", flush=True)
 while True:
@@ -668,8 +671,7 @@ def test_standing_still_is_the_same_in_both_directions_and_begins_anew() -> None
 
 def test_a_fault_is_reset_by_few_edges_that_are_held_with_a_pause_between_them() -> None:
     """Drives were met that want bit 7 for 50 ms."""
-    reset = power_states.FaultReset
-    words = [reset.controlword(0.01 * k) for k in range(round(100 * reset.DURATION))]
+    words = [power_states.fault_reset(0.01 * k) for k in range(round(100 * RESET_TIME))]
     runs = [(word, len(list(run))) for word, run in itertools.groupby(words)]
     assert runs == [(0x80, 30), (0x00, 10)] * 3
     assert power_states._towards_enabled(DriveState.FAULT, False) == 0x00  # not on the way to power

@@ -8,6 +8,7 @@ import pytest
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.drive import DriveError, Fault, Feedback, Power
 from stagectl.drives.homing import Homing
 from stagectl.drives.virtual.node import VirtualNode
@@ -23,7 +24,7 @@ class Homed:
     def __init__(self, bench: Workbench, homing: Homing = SEARCH) -> None:
         self.node, bus, self.time = bench.timed(mark=MARK)
         settings = bench.settings(reset="node")
-        self.drive = CanopenDrive(settings, bus, STEP, DT, clock=self.time, homing=homing)
+        self.drive = CanopenDrive(Wishes(settings, STEP, DT, homing=homing), bus, clock=self.time)
         enabled(self.drive, self.time)
 
     def until(self, over: Callable[[Feedback], bool], most: float = 5.0) -> Feedback:

@@ -16,8 +16,7 @@ from canopen.profiles.p402 import BaseNode402
 from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.bus.virtual_time import End, Timeline
 from stagectl.drives.canopen.cia402 import DriveState
-from stagectl.drives.drive import DriveError, Simulation
-from stagectl.drives.simulated import Plant
+from stagectl.drives.drive import DriveError
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.kernels import stage
 from tests.drives.workbench import DT, STEP, SYNC, Script, Workbench, linear_stage
@@ -176,9 +175,6 @@ def test_a_wrong_scale_is_refused(bench: Workbench) -> None:
     with pytest.raises(DriveError, match="1e-05") as caught:
         bench.node(command_scale=0.1)
     assert (caught.value.place, caught.value.object_key, caught.value.value) == ("command_scale", 0x207100, 0.1)
-    plant = Plant(linear_stage(), Simulation(), DT)
-    with pytest.raises(DriveError, match=r"0\.002"):
-        VirtualNode(bench.settings(), plant, bench.bus(), "sync", 0.002, 1.0, print)
 
 
 def test_a_fault_is_told_remembered_and_reset(bench: Workbench, script: Script) -> None:

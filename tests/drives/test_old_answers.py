@@ -7,6 +7,7 @@ import pytest
 from stagectl.drives.bus.virtual_time import End, Timeline, Wire
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.drive import Fault, Feedback, Power
 from stagectl.drives.virtual.node import VirtualNode
 from tests.drives.workbench import DT, STEP, Workbench, enabled
@@ -42,10 +43,10 @@ class Scene:
         self.time = Timeline()
         ours, theirs = Wire(self.time, 1e6).ends
         self.node: VirtualNode = bench.node(LateAnswers(theirs, age), "sync", self.time)
-        theirs.woken_by(self.node.turn)
+        theirs.wakes = self.node.turn
         self.node.boot()
         self.time.every(0.001, self.node.turn)
-        self.drive = CanopenDrive(bench.settings(reset="node"), ours, STEP, DT, clock=self.time)
+        self.drive = CanopenDrive(Wishes(bench.settings(reset="node"), STEP, DT), ours, clock=self.time)
 
     def period(self) -> Feedback:
         now = self.drive.sample()

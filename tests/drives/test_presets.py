@@ -9,13 +9,14 @@ import pytest
 from stagectl.drives.bus.frames import EXTENDED, frame
 from stagectl.drives.canopen import presets
 from stagectl.drives.canopen.configuration import DriveConfiguration
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.probe import probe
 from stagectl.drives.drive import DriveError
 from tests.drives.workbench import EDS, STEP, Script, Workbench
 
 
 def test_four_families_and_each_says_where_it_is_written() -> None:
-    families = [entry for entry in presets.PRESETS if entry.vendor and not entry.tried]
+    families = [entry for entry in presets.PRESETS if entry.vendor and entry.standing != "tried"]
     assert len(families) >= 4
     assert len({entry.vendor for entry in families}) == len(families)
     assert all(entry.documents and entry.notes for entry in presets.PRESETS)
@@ -127,5 +128,5 @@ def test_the_stop_ramp_in_the_drives_own_unit(bench: Workbench, scale: float, co
     """2 m/s^2: in encoder counts of 10 nm, or in the unit that the stage file gives."""
     node = bench.running()
     settings = bench.settings(deceleration_scale=scale)
-    DriveConfiguration(settings, bench.bus(), STEP).run()
+    DriveConfiguration(Wishes(settings, STEP), bench.bus()).run()
     assert node.objects.number(0x6085) == counts

@@ -12,6 +12,7 @@ from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.library import SdoAbortedError
 from stagectl.drives.canopen.network import load_eds
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.pdo import CommandPdo, PdoMap
 from stagectl.drives.drive import ACCEPTED, DriveError, Fault, Identity, StartUp
 from stagectl.drives.limits import SETUPS
@@ -70,7 +71,7 @@ class Scene:
 
     def drive(self, brake: Brake = NO_BRAKE, **changes: Any) -> CanopenDrive:
         settings = self.bench.settings(**changes)
-        return CanopenDrive(settings, self.ours, STEP, DT, clock=self.time, limits=AXIS, brake=brake)
+        return CanopenDrive(Wishes(settings, STEP, DT, AXIS), self.ours, brake, self.time)
 
     def store(self, key: int, value: int, size: int) -> None:
         """As the drive was delivered: no rule for writes applies."""
@@ -133,6 +134,18 @@ def test_the_reaction_becomes_a_quick_stop(scene: Scene, code: int) -> None:
     scene.store(0x600700, code, 2)
     scene.drive()
     assert scene.number(0x600700) == 3
+
+
+@pytest.mark.parametrize("option", [1, 5])
+def test_a_quick_stop_goes_by_the_ramp_that_is_set(scene: Scene, option: int) -> None:
+    """Or else neither its length nor that of a stop without a controller would be what is claimed."""
+    scene.store(0x605A00, option, 2)
+    scene.refuses.read_only.add(0x605A00)
+    error = refused(scene)
+    assert (error.object_key, error.value) == (0x605A00, option)
+    scene.refuses.read_only.clear()
+    assert "brakes by its ramp" in scene.drive().describe()["protection"]
+    assert scene.number(0x605A00) == option + 1
 
 
 def test_a_person_may_want_another_reaction(scene: Scene) -> None:
@@ -344,6 +357,35 @@ def test_a_persons_objects_are_written_and_must_hold(scene: Scene) -> None:
     scene.refuses.forgets.add(0x606500)
     error = refused(scene, start_up=(StartUp(0x606500, 6000),))
     assert (error.place, error.object_key, error.value) == ("drive.wire.start_up", 0x606500, 5000)
+
+
+@pytest.mark.parametrize(("key", "value"), [(0x600700, 0), (0x608500, 7), (0x101601, 0), (0x140005, 0)])
+def test_a_persons_objects_do_not_undo_the_protection(scene: Scene, key: int, value: int) -> None:
+    error = refused(scene, start_up=(StartUp(key, value),))
+    assert (error.place, error.object_key) == ("drive.wire.start_up", key)
+    assert scene.number(key) != value
+
+
+def test_the_protection_is_described_as_a_persons_objects_leave_it(scene: Scene) -> None:
+    assert "coasts" in scene.drive(start_up=(StartUp(0x605A00, 0),)).describe()["protection"]
+
+
+def test_an_object_that_is_shorter_than_the_eds_says_is_refused_by_name(scene: Scene) -> None:
+    local: Any = scene.node.objects.node
+    get = local.get_data
+    short: Any = lambda index, *rest, **more: b"\x01" if index == 0x6075 else get(index, *rest, **more)  # noqa: E731
+    local.get_data = short
+    assert refused(scene).object_key == 0x607500
+
+
+@pytest.mark.parametrize("length", [1, 4, 5])
+def test_sdo_answers_cut_short_end_in_a_refusal(scene: Scene, length: int) -> None:
+    """The real-time process lives and says what is wrong."""
+    bus: Any = scene.node._bus
+    send = bus.send
+    cut: Any = lambda raw: send(frame(parse(raw)[0], parse(raw)[1][:length]) if parse(raw)[0] == 0x585 else raw)  # noqa: E731
+    bus.send = cut
+    refused(scene)
 
 
 def test_a_set_up_that_is_lost_without_a_boot_up_message_is_found_out(scene: Scene) -> None:

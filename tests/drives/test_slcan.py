@@ -15,6 +15,7 @@ from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.drive import Fault
 from tests.drives.workbench import DT, STEP, Workbench, enabled, stopped
 
@@ -73,7 +74,7 @@ def test_a_drive_moves_and_stops_over_the_line(bench: Workbench, adapter: Adapte
     node = bench.running("sync")
     settings = bench.settings()._replace(interface="slcan", channel=f"{adapter.port}@3000000")
     bus = open_bus(settings.interface, settings.channel, settings.bitrate)
-    drive = CanopenDrive(settings, bus, STEP, DT)
+    drive = CanopenDrive(Wishes(settings, STEP, DT), bus)
     assert adapter.reports.index(b"S8") < adapter.reports.index(b"O")  # 1 Mbit/s, then open
     assert enabled(drive).fault is Fault.NONE
     for _ in range(40):

@@ -13,6 +13,7 @@ import pytest
 from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.drive import Fault
 from tests.drives.workbench import DT, STEP, Workbench, enabled, stopped
 
@@ -72,7 +73,7 @@ def server(bench: Workbench) -> Iterator[Server]:
 def test_a_drive_moves_and_stops_over_the_network(bench: Workbench, server: Server) -> None:
     node = bench.running("sync")
     settings = bench.settings()._replace(interface="socketcand", channel=server.channel)
-    drive = CanopenDrive(settings, open_bus(settings.interface, settings.channel, settings.bitrate), STEP, DT)
+    drive = CanopenDrive(Wishes(settings, STEP, DT), open_bus(settings.interface, settings.channel, settings.bitrate))
     assert server.greeting == [b"< open can0 >", b"< rawmode >"]
     assert enabled(drive).fault is Fault.NONE
     for _ in range(40):

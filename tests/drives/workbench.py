@@ -87,6 +87,10 @@ def stopped(drive: Drive, time: Clock = WALL, patience: float = 10.0) -> Feedbac
     return now
 
 
+def _counts(way: float) -> str:
+    return f"{way / STEP:.0f} encoder counts"
+
+
 class Workbench:
     """Builds drives and buses of one test and clears them away."""
 
@@ -109,14 +113,15 @@ class Workbench:
         plant = Plant(linear_stage(), Simulation(substeps=4), DT)
         bus = bus or self.bus()
         wire = self.settings(**changes)
-        return VirtualNode(wire, plant, bus, clock, DT, GAIN, self.reports.append, time=time, mark=mark)
+        report = self.reports.append
+        return VirtualNode(wire, plant, bus, clock, GAIN, report, distance=_counts, time=time, mark=mark)
 
     def timed(self, clock: Any = "sync", mark: float = 0.0) -> tuple[VirtualNode, End, Timeline]:
         """A virtual drive that has booted, our end of its bus, and the time that both go by, which nobody waits for."""
         time = Timeline()
         ours, theirs = Wire(time, 1e6).ends
         node = self.node(theirs, clock, time, mark)
-        theirs.woken_by(node.turn)
+        theirs.wakes = node.turn
         node.boot()
         time.every(0.001, node.turn)
         return node, ours, time

@@ -171,7 +171,8 @@ def test_the_family_holds_the_nominal_law_exactly() -> None:
 
 
 def test_an_order_of_the_pitch_is_found() -> None:
-    angle = np.linspace(0.0, 40.0, 4000)
-    whole = np.arange(1, 20)
-    signal = np.sin(7.0 * angle + 0.3) + 0.2 * np.random.default_rng(1).standard_normal(4000)
-    assert pitch_orders.peaks(whole, pitch_orders.power(signal[None], angle, whole)[0])[0] == 7
+    turns = np.linspace(-3.0, 4.0, 4000)
+    signal = np.sin(2.0 * np.pi * 7.0 * turns + 0.3) + 0.2 * np.random.default_rng(1).standard_normal(4000)
+    spectrum = pitch_orders.power(signal[None], turns, 19)[0]
+    assert pitch_orders.peaks(np.arange(1, 20), spectrum)[0] == 7
+    assert spectrum[6] == pytest.approx(4000 / 4, rel=0.03)

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
+from stagectl.compensation.derived import through
 from stagectl.config.patch import write
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import load_stage
@@ -18,9 +19,9 @@ from stagectl.identification.friction import closed_loop, comparison
 from stagectl.identification.friction import fit as friction_fit
 from stagectl.identification.friction import method as friction_models
 from stagectl.identification.friction.closed_loop import PUBLISHED, Servo, errors, simulated
-from stagectl.identification.friction.members import FAMILY, bundled, nodes
+from stagectl.identification.friction.members import FAMILY, nodes
 from stagectl.identification.result import IdentificationResult, Note, Topic, topics
-from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
+from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, stage
 from stagectl.kernels.jit import table
 from stagectl.report.methods import friction_models as report
 from tests.identification.friction_member import fit_member
@@ -58,8 +59,9 @@ def _friction(law: str, x: Array) -> Array:
     out, two = np.zeros(len(x)), np.zeros((len(x), 2))
     stribeck = friction.Stribeck(0.3, 1.5e-3, 2.0)
     if law in ("coulomb-viscous", "stribeck"):
-        p = friction_static.Static(COULOMB, 0.0, stribeck if law == "stribeck" else friction.Stribeck())
-        friction_path.static(p, x, DT, out)
+        moves = np.diff(x, prepend=x[0])
+        rise = stribeck.rise * np.exp(-((np.abs(moves) / DT / stribeck.velocity) ** stribeck.shape))
+        out = COULOMB * np.sign(moves) * (1.0 + rise * (law == "stribeck"))
     elif law == "dahl":
         friction_path.bristle(friction_bristle.Bristle(COULOMB, COULOMB / RANGE, 1.5), x, DT, two)
         out = two[:, 0]
@@ -241,7 +243,7 @@ def test_a_blind_motion_is_refused() -> None:
 def test_operators_go_through_the_points_they_are_bundled_from() -> None:
     """Concave points from rest, walked along: the same forces at the same places."""
     places, forces = np.array([0.0, 1e-6, 3e-6, 1e-5]), np.array([0.0, 8.0, 15.0, 20.0])
-    p, s = bundled(places, forces), None
+    p, s = through(places, forces), None
     s = friction.relaxed(p)
     assert [friction.stops(p, s, float(dx)) for dx in np.diff(places)] == pytest.approx(forces[1:].tolist(), rel=1e-12)
     rise = np.concatenate([[0.0], np.cumsum([10.0, 6.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.25])])
@@ -328,7 +330,7 @@ def test_a_run_needs_a_reference_and_a_model_that_is_stable(emps: Capture) -> No
 def test_its_figures_are_drawn(emps: Capture, family: IdentificationResult) -> None:
     """Three on the record, none where one model alone was fitted; the curves end at each model's sliding friction."""
     with_published = family._replace(details={**family.details, "published": PUBLISHED._asdict()})
-    assert len(report.pictures(with_published, [emps], FILE)) == 3
+    assert len(report.pictures(with_published, FILE)) == 3
     rows = {row["name"]: row for row in family.details["models"]}
     force = report.curve(rows["table"], np.linspace(0.0, 5e-4, 50))
     sliding = 0.5 * sum(value for name, value in rows["table"]["values"].items() if name.startswith("rise_"))

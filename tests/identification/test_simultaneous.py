@@ -344,7 +344,7 @@ def test_the_loop_flattens(ball_screw: Setup) -> None:
     top = left[curves["velocity"] > 2.0]
     assert np.abs(curves["force"]).max() == pytest.approx(3.6, abs=0.1)
     assert top.mean() == pytest.approx(1.0, abs=0.01) and top.std() < 0.02
-    drawn = report.pictures(result, [record], ball_screw.file)
+    drawn = report.pictures(result, ball_screw.file)
     assert len(drawn) == 3 and all(mark.image.startswith("data:image/png") for mark in drawn)
 
 

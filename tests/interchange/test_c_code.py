@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from stagectl.interchange.c_code import kernel as read
+from stagectl.interchange.c_code import types as read
 from stagectl.interchange.c_code.translation import Translation
 from stagectl.interchange.c_code.types import TranslationError
 from stagectl.kernels import equilibrium, friction, friction_bristle, stage

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
+from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, stage
 from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.friction_memory import Rheology, Table
 from stagectl.kernels.jit import table
@@ -32,9 +32,9 @@ GMS = friction.Gms(friction.bundle([0.8, 0.7, 0.5], [1e-6, 4e-6, 9e-6]), STRIBEC
 
 
 def dahl_force(moves: list[float], p: Bristle = DAHL, speed: float = 0.01) -> list[float]:
-    x, forces = friction_bristle.AT_REST, []
+    x, forces = 0.0, []
     for dx in moves:
-        force, x = friction_bristle.step(p, x, math.copysign(speed, dx), dx, abs(dx) / speed)
+        force, x = friction_bristle.bent(p, x, math.copysign(speed, dx), dx, abs(dx) / speed)
         forces.append(force)
     return forces
 
@@ -70,14 +70,13 @@ def rheology(path: Array) -> Array:
 
 
 LAWS: dict[str, Callable[[Array], Array]] = {
-    "static": law(lambda x, out: friction_path.static(friction_static.Static(COULOMB, 3.0, STRIBECK), x, DT, out)),
     "dahl": bristle(DAHL),
     "dahl-exponent": bristle(DAHL._replace(exponent=1.6)),
     "lugre": bristle(LUGRE),
     "gms": gms,
     "rheology": rheology,
-    "table": law(lambda x, out: friction_path.table(TABLE, x, DT, out)),
-    "table-continued": law(lambda x, out: friction_path.table(TABLE._replace(continues=True), x, DT, out)),
+    "table": law(lambda x, out: friction_path.table(TABLE, x, out)),
+    "table-continued": law(lambda x, out: friction_path.table(TABLE._replace(continues=True), x, out)),
 }
 
 
@@ -118,23 +117,23 @@ def test_the_exponents_limit_of_one_is_the_exponential() -> None:
 @pytest.mark.parametrize("speed", [1e-3, 0.02, 0.3, -0.05])
 def test_lugre_ends_on_stribecks_curve(speed: float) -> None:
     """Steady state: ``F = sgn(v) (T_c + (T_s - T_c) exp(-(v / v_s)^2))``; the micro-damping has died out."""
-    x, force = friction_bristle.AT_REST, 0.0
+    x, force = 0.0, 0.0
     for _ in range(3000):
-        force, x = friction_bristle.step(LUGRE, x, speed, math.copysign(1e-6, speed), 1e-6 / abs(speed))
+        force, x = friction_bristle.bent(LUGRE, x, speed, math.copysign(1e-6, speed), 1e-6 / abs(speed))
     steady = COULOMB * (1.0 + 0.4 * math.exp(-((speed / 0.02) ** 2)))
     assert force == pytest.approx(math.copysign(steady, speed), rel=1e-9)
 
 
 def break_away(pulling: float, h: float = 2e-5) -> float:
     """Largest force (N) of a spring of 10 kN/m that pulls a kilogram at this speed (m/s) over 0.32 mm: 3.2 N."""
-    p, z = LUGRE._replace(damping=500.0), friction_bristle.AT_REST
+    p, z = LUGRE._replace(damping=500.0), 0.0
     x, v, force, most = 0.0, 0.0, 0.0, 0.0
     for k in range(round(3.2e-4 / (pulling * h))):
         pull = 1e4 * (pulling * h * k - x)
         most = max(most, pull)
         v += h * (pull - force)
         x += h * v
-        force, z = friction_bristle.step(p, z, v, h * v, h)
+        force, z = friction_bristle.bent(p, z, v, h * v, h)
     return most
 
 
@@ -225,16 +224,15 @@ def _never_gives(p: Bristle, path: Array) -> None:
 
 def test_gms_without_stribeck_is_the_bundle_bit_for_bit() -> None:
     path = wandering(7)
-    p = GMS._replace(stribeck=friction.Stribeck())
-    s, t = friction.relaxed(p.operators), friction.relaxed(p.operators)
-    for dx in np.diff(path)[:500].tolist():
-        force, s = friction.gms(p, s, dx / DT, dx, DT)
-        assert force == friction.stops(p.operators, t, dx)
+    p, s, out = GMS._replace(stribeck=friction.Stribeck()), friction.relaxed(GMS.operators), np.empty(501)
+    friction_path.gms(p, friction.relaxed(p.operators), path[:501], DT, out)
+    assert out[1:].tolist() == [friction.stops(p.operators, s, dx) for dx in np.diff(path)[:500].tolist()]
 
 
 def test_the_columns_of_a_bundle_are_the_bundle() -> None:
-    path, s = wandering(8), friction.relaxed(GMS.operators)
-    expected = [0.0] + [friction.gms(GMS, s, dx / DT, dx, DT)[0] for dx in np.diff(path).tolist()]
+    path = wandering(8)
+    expected = np.empty(len(path))
+    friction_path.gms(GMS, friction.relaxed(GMS.operators), path, DT, expected)
     np.testing.assert_allclose(gms(path), expected, rtol=0.0, atol=1e-14)
 
 

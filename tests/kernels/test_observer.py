@@ -19,6 +19,7 @@ from stagectl.trajectories import Sine
 from tests.conftest import Run, varied
 
 DT = 5e-4
+SINE = Sine(5e-3, 1.6, 2, 1)
 DELAYS = [(0, 0, 0.159e-3), (1, 0, 0.159e-3), (2, 1, 0.0), (1, 2, 0.7e-3)]
 
 
@@ -99,6 +100,18 @@ def test_transfer_is_what_runs(ball_screw: Setup, nd: int, nm: int, lag: float) 
         np.testing.assert_allclose(transfer, expected, rtol=1e-6, atol=1e-9)
 
 
+def test_a_dead_time_is_a_delay(ball_screw: Setup) -> None:
+    """A period of dead time is one more of nd; with half a period the observer has nothing to do, as without one."""
+    p, drive = ball_screw.stage, ball_screw.stage.drive
+    late, later = (p._replace(drive=x) for x in (drive._replace(dead_time=DT), drive._replace(delay_samples=2)))
+    assert observer.designed(late, DT, 20.0) == pytest.approx(observer.designed(later, DT, 20.0), rel=1e-12)
+    control = design.Control(DT, 15.0, 0.1, ("ptc", "friction", "observer"))
+    half = p._replace(drive=drive._replace(dead_time=0.5 * DT))
+    run = Run(ball_screw.having(control=control)._replace(stage=half), SINE)
+    assert run.peak() < 0.04  # um; 0.13 where the observer does not know of it
+    assert np.max(np.abs(run.samples["observer"])) < 2e-3  # A; 0.019
+
+
 def test_absent_is_nothing() -> None:
     """Exactly 0, whatever it is told, and no memory."""
     x = observer.AT_REST
@@ -116,9 +129,6 @@ def test_more_delay_than_the_line_holds_is_refused(ball_screw: Setup) -> None:
     assert observer.designed(late(ball_screw, 3, 3, 0.159e-3), DT, 10.0).delay == 6
     with pytest.raises(observer.DelayError, match=r"^7 periods of delay .* at most 6: switch the layer observer off"):
         observer.designed(late(ball_screw, 4, 3, 0.159e-3), DT, 10.0)
-
-
-SINE = Sine(5e-3, 1.6, 2, 1)
 
 
 def tracking(setup: Setup, *layers: design.Layer) -> Run:

@@ -1,4 +1,4 @@
-"""States of stop operators along a sampled motion."""
+"""The state of a stop operator along a sampled motion."""
 
 from __future__ import annotations
 
@@ -30,23 +30,11 @@ def test_turns_between_samples_are_seen() -> None:
         x = np.sin(2.0 * np.pi * np.arange(2 * per_period + 1) / per_period + 0.1)
         track = np.concatenate([x[:1], x[:1], x, x[-1:]])
         out = np.zeros((3, len(x)))
-        presliding.strains(1.0 / slip, np.zeros(3), track, out)
+        for one, row in zip(slip.tolist(), out, strict=True):
+            presliding.strain(1.0 / one, track, row)
         return out[:, :: per_period // 50]
 
     coarse, fine = states(50), states(5000)
     inside = np.abs(fine) < 0.999  # where an element is between its ends, an overlooked travel would stay visible
     assert inside[1:].sum() > 10
     assert np.abs(coarse - fine)[inside].max() < 2e-3
-
-
-def test_parts_of_a_motion_go_on() -> None:
-    """The states at the end of one part are the start of the next."""
-    x = np.cumsum(np.random.default_rng(3).standard_normal(400))
-    track = np.concatenate([x[:1], x[:1], x, x[-1:]])
-    whole, apart = np.zeros((1, 400)), np.zeros((1, 400))
-    presliding.strains(np.array([0.3]), np.zeros(1), track, whole)
-    states, first, second = np.zeros(1), np.zeros((1, 150)), np.zeros((1, 250))
-    presliding.strains(np.array([0.3]), states, track[:153], first)
-    presliding.strains(np.array([0.3]), states, track[150:], second)
-    apart[:, :150], apart[:, 150:] = first, second
-    assert np.array_equal(whole, apart)

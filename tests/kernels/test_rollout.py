@@ -44,6 +44,6 @@ def test_the_stage_gets_what_is_left_after_the_laws_limit(ball_screw: Setup, tra
 
 def test_the_reference_is_that_of_now_whatever_the_delays(ball_screw: Setup, tracked: Tracked) -> None:
     run = tracked(SINE, nm=1)
-    seen = foresee(varied(ball_screw, nm=1), SINE)
+    seen = foresee(varied(ball_screw, nm=1), SINE, SINE.duration)
     assert np.array_equal(run.samples["reference"], seen.reference)
     assert np.array_equal(run.samples["time"], run.setup.dt * np.arange(len(run.samples)))

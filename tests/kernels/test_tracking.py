@@ -82,7 +82,7 @@ def test_halving_the_step_changes_nothing(tracked: Tracked, name: str) -> None:
 
 def with_plan(run: Run, change: Callable[[Foreseen, Any, Setup], None], trajectory: Any) -> float:
     """Peak error (um) when what the feedforward foresees is changed by ``change(foreseen, at, setup)``."""
-    setup, seen = run.setup, foresee(run.setup, trajectory)
+    setup, seen = run.setup, foresee(run.setup, trajectory, trajectory.duration)
     scale = setup.file.axis.travel_per_unit
     t = setup.dt * np.arange(len(seen.late))
 

@@ -128,6 +128,27 @@ def test_a_fault_of_one_stops_all_as_configured(
     assert group.manned["y"].board.verdict(number) == (TAKEN if coupled else REFUSED)  # x has power where it is not
 
 
+def test_an_axis_that_an_earlier_fault_has_stopped_stops_with_its_partner(
+    ball_screw: Setup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """X stands under power since its setpoints ran out, while y had none."""
+    group = Group(ball_screw, monkeypatch)
+    group.enable()
+    x, y = group.loop.axes
+    group.order("y", Order(Event.DISABLE))
+    group.run(2)
+    group.order("x", group.moves()["x"]._replace(numbers=(*group.moves()["x"].numbers[:4], 1.0)))
+    group.run(60)
+    x.happen(Event.HOLD, Fault.STARVED)
+    group.run(800)
+    group.order("y", Order(Event.ENABLE))
+    group.run(20)
+    assert group.states() == [State.STANDING, State.STANDING] and x.fault is Fault.STARVED
+    y.happen(Event.RAMP, Fault.EMERGENCY)
+    group.run(1)
+    assert (x.state, x.fault) == (State.QUICK_STOPPING, Fault.PARTNER)
+
+
 def test_nobody_gives_orders_any_more(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     group = Group(ball_screw, monkeypatch)
     group.enable()

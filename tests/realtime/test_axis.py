@@ -375,7 +375,9 @@ def test_the_drive_finds_the_home_and_the_axis_is_counted_from_there(ball_screw:
     bench = Bench(ball_screw, BY_DRIVE)
     bench.to(State.DRIVE_HOMING)
     assert not bench.axis.homed
-    bench.drive.plant.state = bench.drive.plant.state._replace(position=1.5)
+    for place in np.linspace(0.0, 1.5, 100):
+        bench.drive.plant.state = bench.drive.plant.state._replace(position=float(place), velocity=0.0)
+        bench.run(1)
     bench.drive.jump = -1.25  # its home is at 1.25 rad of what it counted before
     bench.run(3)
     assert bench.axis.state is State.DRIVE_HOMING
@@ -401,14 +403,45 @@ def test_the_drives_search_ends_at_its_distance(ball_screw: Setup, moved: float,
     assert (bench.axis.state is State.DRIVE_HOMING) is (fault is Fault.NONE)
 
 
+def test_the_motor_cools_down_without_power_and_warms_up_in_the_drives_search(ball_screw: Setup) -> None:
+    limits = ball_screw.file.limits._replace(continuous_current=5.0, thermal_time=1.0)
+    bench = Bench(ball_screw.having(limits=limits), BY_DRIVE)
+    bench.to(State.DISABLED)
+    bench.axis.watch = bench.axis.watch._replace(heat=25.0)
+    bench.run(round(3.0 / bench.axis.dt))
+    assert bench.axis.watch.heat == pytest.approx(25.0 * math.exp(-3.0), rel=1e-2)
+    assert bench.order(Order(Event.ENABLE))
+    bench.until(State.STANDING)
+    assert bench.order(Order(Event.HOME))
+    bench.axis.now = lambda: bench.axis.entered
+    sample = bench.drive.sample
+    bench.drive.sample = lambda: sample()._replace(current=8.0)  # type: ignore[method-assign]
+    bench.run(round(3.0 / bench.axis.dt))
+    assert bench.axis.fault is Fault.OVERLOAD
+
+
 def test_the_drives_search_ends_at_its_time(ball_screw: Setup) -> None:
     bench = Bench(ball_screw, BY_DRIVE)
     bench.to(State.DRIVE_HOMING)
+    bench.axis.now = lambda: bench.axis.entered  # by its periods, however busy this computer is
     periods = round(BY_DRIVE.longest / bench.axis.dt)
     bench.run(periods - 120)  # of which it has had a hundred
     assert bench.axis.state is State.DRIVE_HOMING
     bench.run(40)
     assert bench.axis.fault is Fault.HOMING
+
+
+def test_the_drives_search_has_one_origin_and_all_else_is_speed(ball_screw: Setup) -> None:
+    """An axis that runs away faster than any motion goes must not look like an origin that jumps again and again."""
+    bench = Bench(ball_screw, BY_DRIVE)
+    bench.to(State.DRIVE_HOMING)
+    for _ in range(20):
+        bench.drive.jump += 0.9 * BY_DRIVE.distance
+        bench.run(1)
+        if bench.axis.state is not State.DRIVE_HOMING:
+            break
+    assert (bench.axis.state, bench.axis.fault) == (State.QUICK_STOPPING, Fault.SPEED)
+    assert bench.drive.jump == pytest.approx(2 * 0.9 * BY_DRIVE.distance)
 
 
 @pytest.mark.parametrize("stop", [Event.STOP, Event.QUICK_STOP, Event.DISABLE])

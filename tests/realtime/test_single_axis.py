@@ -17,6 +17,7 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import NO_BRAKE
 from stagectl.drives.canopen import drive as canopen_drive
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
 from stagectl.drives.simulated import Plant, Simulated
@@ -448,8 +449,32 @@ def test_the_canopen_drive_gets_the_stages_step_and_period(ball_screw: Setup, mo
     _, post = ordered(ball_screw)
     monkeypatch.setattr(drive_opening, "open_bus", lambda *names: names)
     monkeypatch.setattr(drive_opening, "listen", lambda wire, bus: None)
-    monkeypatch.setattr(canopen_drive, "CanopenDrive", lambda *order, limits, brake, homing: (*order, brake))
+    monkeypatch.setattr(canopen_drive, "CanopenDrive", lambda *order: order)
     opening = drive_opening.Opening(False)
-    drive: Any = opening.drive(post.axes[0]._replace(wire=wire))
+    axis = post.axes[0]._replace(wire=wire)
+    drive: Any = opening.drive(axis)
     opening.close()
-    assert drive == (wire, ("embedded", "stage", 1e6), 2.0 * math.pi / 2**20, 5e-4, NO_BRAKE)
+    wishes = Wishes(wire, 2.0 * math.pi / 2**20, 5e-4, axis.limits, axis.homing)
+    assert drive == (wishes, ("embedded", "stage", 1e6), NO_BRAKE)
+
+
+@pytest.mark.parametrize("error", [DriveError("it refuses"), OSError("the interface went down")])
+def test_a_drive_that_is_not_opened_leaves_the_bus(
+    ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """Or else its port would go on being the one that sends SYNC, and no other axis of the bus would get any."""
+    _, post = ordered(ball_screw)
+    bus: Any = SimpleNamespace(closed=False)
+    bus.close = lambda: setattr(bus, "closed", True)
+
+    def fail(*_: Any, **__: Any) -> Any:
+        raise error
+
+    monkeypatch.setattr(drive_opening, "open_bus", lambda *names: bus)
+    monkeypatch.setattr(drive_opening, "listen", lambda wire, bus: None)
+    monkeypatch.setattr(canopen_drive, "CanopenDrive", fail)
+    opening = drive_opening.Opening(True)
+    with pytest.raises(type(error)):
+        opening.drive(post.axes[0]._replace(wire=ball_screw.canopen))
+    opening.close()
+    assert bus.closed

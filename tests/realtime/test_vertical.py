@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any, cast
 
 import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import Brake
-from stagectl.drives.drive import StartUp
+from stagectl.drives.drive import Fault, StartUp
 from stagectl.realtime.states import Event, State
 from stagectl.selftest.rig import usual
 from tests.single_motion import SingleMotion
@@ -136,3 +137,102 @@ def test_a_brake_on_an_output_holds(upright: Setup, end: Callable[[Bench], None]
     assert bench.rig.node.axis.brake.free == power
     assert abs(bench.rig.seen.velocity) < 1e-3
     assert bench.dropped(since) <= DROP
+
+
+@pytest.mark.parametrize("reset", ["none", "communication", "node"])
+def test_a_new_controller_sets_the_brake_before_it_takes_the_power(upright: Setup, reset: str) -> None:
+    """The drive holds the axis that its controller has left; the next one must not let it drop."""
+    holding = upright.with_wire(start_up=(StartUp(0x605A00, 6),), reset=reset)
+    bench = Bench(holding.having(brake=Brake("output", 0.03, ENGAGE)), False)
+    bench.to_motion()
+    since = len(bench.rig.trace)
+    bench.rig.node.axis.restart = bench.rig.node.axis.power_cycled  # type: ignore[method-assign]  # moves no machine
+    let_go(bench)
+    assert bench.rig.seen.powered and bench.rig.node.axis.brake.free
+    drive = bench.rig.connect()
+    bench.rig.time.sleep(1.0)
+    assert "stopped, and its power cut" in drive.describe()["found under power"]
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+def worked_by_us(setup: Setup, release: float, holding: float | None = None) -> Bench:
+    """An axis whose brake opens 30 ms after the order, and may move after `release` (s)."""
+    stays = setup.with_wire(start_up=(StartUp(0x605A00, 6),))
+    bench = Bench(stays.having(brake=Brake("output", release, 4 * ENGAGE, holding)), False)
+    bench.rig.node.axis.brake._p = Brake("output", 0.03, 4 * ENGAGE)
+    return bench
+
+
+@pytest.mark.parametrize("order", [Event.STOP, Event.QUICK_STOP, Event.DISABLE])
+def test_a_stop_while_its_brake_is_released_lets_the_brake_hold_again_first(upright: Setup, order: Event) -> None:
+    bench = worked_by_us(upright, release=0.3)
+    bench.run(lambda: bench.rig.node.axis.brake.free)
+    assert bench.axis.state is State.ENABLING
+    since = len(bench.rig.trace)
+    assert bench.axis.happen(order)
+    bench.run(lambda: bench.axis.state is State.DISABLED)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+def test_nobody_gives_orders_any_more_while_its_brake_engages(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.axis.state = State.STANDING
+    since = len(bench.rig.trace)
+    bench.axis.happen(Event.DISABLE)
+    bench.loop.period()
+    bench.run(bench.loop.abandon)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert bench.axis.state is State.DISABLED
+    assert not bench.rig.seen.powered
+    assert bench.dropped(since) <= DROP
+
+
+def test_an_order_to_the_brake_that_is_lost_is_given_again_before_power_goes(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    since, ours = len(bench.rig.trace), cast(Any, bench.rig.ours)
+    sent: Callable[[bytes], None] = ours.send
+    lost: list[bytes] = []
+
+    def send(raw: bytes) -> None:
+        if raw[0:2] == b"\x05\x06" and raw[9:12] == b"\xfe\x60\x01" and not lost:  # SDO to node 5: 0x60FE:01
+            lost.append(raw)
+        else:
+            sent(raw)
+
+    ours.send = send
+    switched_off(bench)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert lost and not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+def test_a_brake_does_not_stay_released_where_power_goes_before_the_axis_may_move(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.3)
+    bench.run(lambda: bench.rig.node.axis.brake.free)
+    assert bench.axis.state is State.ENABLING
+    bench.rig.node.axis.open_sto()
+    began = bench.rig.time.now()
+    bench.run(lambda: not bench.rig.node.axis.brake.free)
+    assert bench.rig.time.now() - began <= 4 * ENGAGE + 0.01  # no sooner can it hold
+
+
+def test_an_axis_that_its_holding_current_does_not_carry_loses_its_power_within_the_following_error(
+    upright: Setup,
+) -> None:
+    bench = worked_by_us(upright, release=0.5, holding=-8.0)  # of the wrong sign
+    bench.run(lambda: bench.axis.state is not State.ENABLING)
+    assert (bench.axis.state, bench.axis.fault) == (State.FAULT, Fault.FOLLOWING_ERROR)
+    assert "brake.holding_current" in bench.axis.board.words
+    limit = upright.file.limits.following_error
+    assert abs(bench.rig.seen.position) < 3.0 * limit
+    for _ in range(1000):
+        bench.loop.period()
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free

@@ -61,7 +61,7 @@ def test_force_over_speed() -> None:
 
 def test_rolling_friction_in_travel() -> None:
     result = low_speed.identify([slow(Machine(SETUP), seconds=35.0)], SETUP.file)
-    (picture,) = pictures(result, [], SETUP.file)
+    (picture,) = pictures(result, SETUP.file)
     assert picture.image.startswith("data:image/png;base64,") and picture.caption == "Rolling-friction characteristic."
     (figure,) = figures(result, SETUP.file).values()
     whole, near = figure.axes

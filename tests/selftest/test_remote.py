@@ -26,7 +26,7 @@ def machine(slow_screw: Setup) -> tuple[Setup, VirtualNode, End, Timeline]:
     time, wire, setup = Timeline(), setup.canopen, setup.with_wire(reset="none")
     ours, theirs = Wire(time, wire.bitrate).ends
     node = virtual_node(setup, wire, theirs, lambda _: None, time)
-    theirs.woken_by(node.turn)
+    theirs.wakes = node.turn
     node.boot()
     time.every(0.001, node.turn)
     return setup, node, ours, time

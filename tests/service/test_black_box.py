@@ -78,6 +78,20 @@ def test_a_fault_while_it_starts_is_kept(tmp_path: Path) -> None:
     assert Watcher(p._replace(faults=3)).look(True) is None
 
 
+@pytest.mark.parametrize("state", [State.MOVING, State.ENGAGING, State.DRIVE_HOMING, State.COASTING])
+def test_a_death_of_the_loop_in_a_state_with_power_is_kept(tmp_path: Path, state: State) -> None:
+    axis = AxisController("axis", load_stage(CONFIG / "ball-screw.yaml"))
+    alive, _ = os.pipe()
+    axis.ring.write((0.0,) * len(COLUMNS))
+    p = BlackBoxOrder(
+        axis.ring.place, axis.board.descriptor, alive, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt
+    )
+    watcher = Watcher(p)
+    axis.board.show(Status(state=float(state)))
+    kept = watcher.look(True)
+    assert kept is not None and "process_died" in kept.name
+
+
 def test_it_outlives_a_service_that_it_has_not_answered_yet(tmp_path: Path) -> None:
     axis = AxisController("axis", load_stage(CONFIG / "ball-screw.yaml"))
     (alive, loop), (nobody, answer) = os.pipe(), os.pipe()

@@ -9,7 +9,7 @@ import pytest
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
 from stagectl.service.file_in_use import FileInUse
-from stagectl.service.pace import ServiceError, check_pace, check_time
+from stagectl.service.planning import ServiceError, check_pace, check_time
 from stagectl.trajectories import SCurve
 from tests.problems import refused
 

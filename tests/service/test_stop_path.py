@@ -139,7 +139,16 @@ def test_a_loop_that_does_not_take_it_is_answered_for(bench: Bench) -> None:
     assert x["state"] == "standing" and x["position"] == 2.0
 
 
-@pytest.mark.parametrize("request_", [b"", b"[]", b"{", b'{"do": 1}', b'{"do": "move", "axis": ""}', b"\xff" * 5000])
+NESTED = b"[" * 4000  # deeper than the parser goes
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        *(b"", b"[]", b"{", b'{"do": 1}', b'{"do": "move", "axis": ""}', b"\xff" * 5000),
+        *(NESTED, b'{"do": [], "axis": ""}', b'{"do": {}, "axis": ""}'),
+    ],
+)
 def test_what_is_no_request_is_refused(bench: Bench, request_: bytes) -> None:
     socket.send_fds(bench.link._socket, [request_], [bench.link._theirs.fileno()])
     bench.path.look()

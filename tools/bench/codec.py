@@ -30,6 +30,7 @@ from stagectl.config.wire import canopen as wire_of
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.network import load_eds
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.drive import Canopen
 
@@ -146,7 +147,7 @@ def _cycle(channel: str, rounds: int) -> Against:
 def _cycle_ours(channel: str) -> float:
     setup = scene("sine-1.6hz").setup
     with contextlib.closing(open_bus("embedded", channel, 1e6)) as bus:
-        drive = CanopenDrive(_SETTINGS, bus, setup.stage.encoder.step, setup.dt)
+        drive = CanopenDrive(Wishes(_SETTINGS, setup.stage.encoder.step, setup.dt), bus)
         begin = time.process_time()
         for _ in range(CYCLES):
             drive.sample()

@@ -9,8 +9,8 @@ from typing import Any
 
 from stagectl.drives.bus.embedded import Embedded
 from stagectl.drives.bus.frames import EXTENDED, REMOTE, Bus, BusError, SocketBus, frame, parse
+from stagectl.drives.drive import offered
 from stagectl.drives.limits import SLCAN_OPENING_TIME, SLCAN_READ_TIME
-from stagectl.drives.socketcand import offered
 
 
 def open_bus(interface: str, channel: str, bitrate: float) -> Bus:

@@ -79,10 +79,11 @@ class ChannelLock:
             other = _read(self._descriptor)
             self.release()
             raise _locked(wire, other)
-        _write(
-            self._descriptor,
-            Holder(pid or os.getpid(), _command(pid or os.getpid()), stage, time.strftime("%Y-%m-%d %H:%M:%S")),
-        )
+        pid = pid or os.getpid()
+        ours = Holder(pid, _command(pid), stage, time.strftime("%Y-%m-%d %H:%M:%S"))
+        with contextlib.suppress(OSError):  # a full disk: the lock holds without a name
+            os.ftruncate(self._descriptor, 0)
+            os.pwrite(self._descriptor, json.dumps(ours._asdict()).encode(), 0)
 
     def release(self) -> None:
         """Give it back; safe to call twice."""
@@ -163,12 +164,6 @@ def _command(pid: int) -> str:
     return shlex.join(words[python[0] + 1 :] if python else words)
 
 
-def _write(descriptor: int, ourselves: Holder) -> None:
-    with contextlib.suppress(OSError):  # a full disk: the lock holds without a name
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, json.dumps(ourselves._asdict()).encode(), 0)
-
-
 def _read(descriptor: int) -> Holder:
     """What its holder says of itself; of another user, so nothing in it is believed to have a form."""
     try:
@@ -182,9 +177,8 @@ def _read(descriptor: int) -> Holder:
 def _locked(wire: Canopen | Odrive, other: Holder) -> OtherMasterError:
     """The error that names the other."""
     channel = wire.port if isinstance(wire, Odrive) else wire.channel
-    who = (
-        f"process {other.pid} (`{other.command}`, stage {other.stage}) since {other.since}" if other.pid else "unknown"
-    )
+    known = f"process {other.pid} (`{other.command}`, stage {other.stage}) since {other.since}"
+    who = known if other.pid else "unknown"
     error = OtherMasterError(
         f"another master has {channel}: {who}; one channel has one master. Nothing was sent. Next: end that program, or"
         " give it this axis, too",
@@ -194,14 +188,6 @@ def _locked(wire: Canopen | Odrive, other: Holder) -> OtherMasterError:
     )
     error.pid, error.command, error.since = other.pid or None, other.command, other.since
     return error
-
-
-class Heard(NamedTuple):
-    """Frames of another master of one kind."""
-
-    kind: str  # in words
-    frames: int
-    period: float | None  # s, mean; None: a single frame
 
 
 def listen(wire: Canopen, bus: Bus) -> None:
@@ -221,10 +207,9 @@ def listen(wire: Canopen, bus: Bus) -> None:
         identifier = parse(raw)[0]
         if identifier in kinds:
             times.setdefault(identifier, []).append(time.monotonic())
-    if times:
-        raise _audible(
-            wire, [_heard(kinds[identifier], times[identifier]) for identifier in kinds if identifier in times]
-        )
+    for identifier, kind in kinds.items():  # SYNC first, as it is what drives a bus
+        if identifier in times:
+            raise _audible(wire, kind, times[identifier])
 
 
 @contextlib.contextmanager
@@ -241,22 +226,17 @@ def alone(wire: Canopen, bus: Bus, stage: str) -> Iterator[None]:
         lock.release()
 
 
-def _heard(kind: str, times: list[float]) -> Heard:
-    """By the mean period: a busy computer hands frames over in bursts."""
-    return Heard(kind, len(times), (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else None)
-
-
-def _audible(wire: Canopen, heard: list[Heard]) -> OtherMasterError:
-    """The error that says what was heard; SYNC first, as it is what drives a bus."""
-    first = heard[0]
-    every = "" if first.period is None else f" every {duration(first.period)}"
+def _audible(wire: Canopen, kind: str, times: list[float]) -> OtherMasterError:
+    """The error that says what was heard, and when (s): by the mean period, as frames may come in bursts."""
+    period = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else None
+    every = "" if period is None else f" every {duration(period)}"
     error = OtherMasterError(
-        f"another master sends {first.kind}{every} on this bus, {wire.interface} {wire.channel} (seen {first.frames}"
+        f"another master sends {kind}{every} on this bus, {wire.interface} {wire.channel} (seen {len(times)}"
         f" frames in {LISTENING_TIME:g} s); it does not run on this computer, or is no stagectl. Nothing was sent."
         " Next: stop that master; `candump` or `python -m can.logger` shows its frames",
         place=wire.channel,
         node=wire.node,
-        value=first.kind,
+        value=kind,
     )
-    error.frames, error.period = first.frames, first.period
+    error.frames, error.period = len(times), period
     return error

@@ -62,7 +62,7 @@ class End:
 
     def __init__(self, timeline: Timeline, wire: Wire) -> None:
         self._timeline, self._wire = timeline, wire
-        self._wakes: Callable[[], None] | None = None  # is called for each frame that arrives; then it never waits
+        self.wakes: Callable[[], None] | None = None  # is called for each frame that arrives; then it never waits
         self.inbox: collections.deque[bytes] = collections.deque()
         self.down = False
 
@@ -76,22 +76,18 @@ class End:
         """Next frame, or None after `timeout` (s)."""
         if self.down:
             raise OSError("network is down")
-        if not self.inbox and timeout > 0.0 and self._wakes is None:
+        if not self.inbox and timeout > 0.0 and self.wakes is None:
             self._timeline.run(self._timeline.now() + timeout, lambda: bool(self.inbox))
         return self.inbox.popleft() if self.inbox else None
 
     def take(self, frame: bytes) -> None:
         """A frame has arrived."""
         self.inbox.append(frame)
-        if self._wakes is not None:
-            self._wakes()
+        if self.wakes is not None:
+            self.wakes()
 
     def close(self) -> None:
         """Nothing to close."""
-
-    def woken_by(self, wakes: Callable[[], None]) -> None:
-        """Call this for each frame that arrives, and wait no more."""
-        self._wakes = wakes
 
 
 class Wire:

@@ -1,21 +1,21 @@
 """A drive brought to pre-operational: reset where the stage file says so, its boot-up message awaited (CiA 301).
 
-A drive that is found under power is stopped before it is set up.  Somebody left it so: a controller that died while
-nothing supervised it, its panel, its own program.  Set up under power, the first change of mode could act on a torque
-that is still in it.
+A drive that is found under power is stopped before it is reset or set up.  Somebody left it so: a controller that died
+while nothing supervised it, its panel, its own program; or it holds an axis whose brake its controller worked, which
+then is set before power goes.  Set up under power, the first change of mode could act on a torque that is still in it.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 
+from stagectl.drives.brake import Brake
 from stagectl.drives.bus.frames import HEARTBEAT, REMOTE, frame
 from stagectl.drives.canopen import cia402, fault_texts
 from stagectl.drives.canopen.cia402 import POWERED, DeviceCommand
 from stagectl.drives.canopen.library import SdoCommunicationError, SdoError
-from stagectl.drives.canopen.network import PumpedNetwork
 from stagectl.drives.canopen.object_access import ObjectAccess
-from stagectl.drives.clock import Clock
 from stagectl.drives.drive import DriveError
 from stagectl.drives.limits import (
     BACKLOG,
@@ -31,24 +31,32 @@ from stagectl.drives.limits import (
 class BootUp:
     """The way to a drive that answers; afterwards any boot-up message interrupts the set-up."""
 
-    def __init__(self, objects: ObjectAccess, network: PumpedNetwork, clock: Clock) -> None:
-        self._objects, self._network, self._now = objects, network, clock.now
+    def __init__(self, objects: ObjectAccess) -> None:
+        self._objects, self._network, self._now = objects, objects.network, objects.network.clock.now
         self._settings, self._node = objects.settings, objects.node
 
-    def run(self) -> tuple[int, str]:
-        """Device type (0x1000), and what was seen of the boot, in words.  Raises DriveError."""
+    def run(self, take: Callable[[], None]) -> tuple[int, str]:
+        """Device type (0x1000), and the boot in words; `take` takes its power before a reset.  Raises DriveError."""
         began, seen = self._now(), "not awaited: no reset was asked for"
         for _ in range(BACKLOG):  # a boot-up message of before is none of the drive's later on
             if not self._network.pump(0.0):
                 break
         self._objects.expect_boot()
         if self._settings.reset != "none":
+            if self._answers():
+                take()
             seen = self._reset(began)
         kind = self._answer(began + self._settings.boot_time)
         if self._settings.reset != "none" and not seen:
             seen = f"NOT SENT; it answers SDO in NMT state {self._nmt_state()}: a boot in mid operation goes unnoticed"
         self._objects.begin()
         return kind, seen
+
+    def _answers(self) -> bool:
+        """Whether it answers before its reset: one that is booting, or without supply, has no power to take."""
+        with contextlib.suppress(DriveError):
+            return self._answer(self._now()) >= 0
+        return False
 
     def _reset(self, began: float) -> str:
         """Reset the drive and wait for its boot-up message; empty where none came in time."""
@@ -105,12 +113,25 @@ class BootUp:
         )
 
 
-def take_power(objects: ObjectAccess, clock: Clock, description: dict[str, str]) -> None:
-    """Stop the drive by its own ramp, then cut its power.  Raises DriveError where it keeps it."""
+def set_brake(objects: ObjectAccess) -> None:
+    """Set the brake at the drive's digital outputs, then their mask.  Raises DriveError."""
+    for subindex in (1, 2):
+        objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, subindex)
+
+
+def take_power(objects: ObjectAccess, brake: Brake) -> None:
+    """Stop the drive by its own ramp, let a `brake` that we work hold, then cut its power.
+
+    Raises DriveError where it keeps it.
+    """
     found = now = objects.known(cia402.STATUSWORD)
+    clock = objects.network.clock
     for command in (DeviceCommand.QUICK_STOP, DeviceCommand.DISABLE_VOLTAGE):
         if not _powered(now):
             break
+        if command is DeviceCommand.DISABLE_VOLTAGE and brake.control == "output":
+            set_brake(objects)
+            clock.sleep(brake.engage)
         objects.write(command.controlword, cia402.CONTROLWORD)
         deadline = clock.now() + FOUND_POWER_TIME
         while _powered(now) and clock.now() < deadline:
@@ -124,7 +145,7 @@ def take_power(objects: ObjectAccess, clock: Clock, description: dict[str, str])
             now,
         )
     if found is not None and _powered(found):
-        description["found under power"] = f"in {fault_texts.state_words(found)}; stopped, and its power cut"
+        objects.description["found under power"] = f"in {fault_texts.state_words(found)}; stopped, and its power cut"
 
 
 def _powered(statusword: int | None) -> bool:

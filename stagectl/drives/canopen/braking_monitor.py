@@ -62,10 +62,8 @@ class BrakingMonitor:
         self._faster, self._unbraked = ConsecutiveCycles(), ConsecutiveCycles()
         self._limit = limits.FASTER_FACTOR * pace.speed + limits.FASTER_SLACK * deceleration
         self._half = 0.5 * pace.speed + limits.CREEP * deceleration
-        self._cycles, self._long = (
-            0,
-            (limits.LONGER_FACTOR * pace.speed / deceleration + limits.SETTLING_TIME) / pace.dt,
-        )
+        self._cycles = 0
+        self._long = (limits.LONGER_FACTOR * pace.speed / deceleration + limits.SETTLING_TIME) / pace.dt
 
     def step(self, silent: bool) -> BrakingFailure:
         """The failure seen in this cycle, in which the drive was `silent` or not."""

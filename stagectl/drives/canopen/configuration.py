@@ -7,22 +7,19 @@ missing or refused, and anything that protects the axis, is an error which names
 
 from __future__ import annotations
 
-from typing import cast
-
+from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.boot_up import BootUp, take_power
-from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
+from stagectl.drives.canopen.network import PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
-from stagectl.drives.canopen.object_rules import Wishes, obey
+from stagectl.drives.canopen.object_rules import Wishes, check_start_up, obey
 from stagectl.drives.canopen.pdo import RPDO, TPDO, CommandPdo, FeedbackPdo, PdoMap, wished
 from stagectl.drives.canopen.pdo_setup import PdoSetup
 from stagectl.drives.canopen.protection import NOT_OFFERED, Protection, Supervision, milliseconds
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, DriveError, Identity
-from stagectl.drives.homing import NO_HOMING, Homing
+from stagectl.drives.drive import DriveError, Identity
 from stagectl.drives.limits import MODE_TIME, ROUNDED, SETUPS
-from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _NAMES = {
     cia402.DEVICE_NAME: "device name",
@@ -33,36 +30,21 @@ _SHOWN = {"serial": "serial number"}
 
 
 class DriveConfiguration:
-    """The set-up; `description` collects what the drive reported, in words."""
+    """The set-up."""
 
     rpdo: PdoMap  # as read back
     tpdo: PdoMap
     protection: Protection
     mode_shown = False  # as cyclic synchronous torque, before it has power
 
-    def __init__(  # noqa: PLR0913 - what a drive is set up by
-        self,
-        settings: Canopen,
-        bus: Bus,
-        encoder_step: float,
-        dt: float = 0.0,
-        clock: Clock = WALL,
-        limits: AxisLimits = UNKNOWN_AXIS,
-        homing: Homing = NO_HOMING,
-    ) -> None:
-        """The drive on `bus`: one count of its position is `encoder_step` (rad | m), the period `dt` (s).
-
-        Objects that follow from `limits` are left alone where nothing is known of the axis.  Raises DriveError.
-        """
-        self._settings, self._step, self._dt = settings, encoder_step, dt
-        self._limits, self._clock, self._homing = limits, clock, homing
-        od = load_eds(settings.eds, settings.node)
-        self._node = PumpedNode(settings.node, od, bus, clock)
-        self._wished = [
-            wished(settings, od, direction) for direction in (RPDO, TPDO)
-        ]  # refused before the drive is asked
-        self.objects = ObjectAccess(settings, self._node)
-        self.description: dict[str, str] = {}
+    def __init__(self, wishes: Wishes, bus: Bus, brake: Brake = NO_BRAKE, clock: Clock = WALL) -> None:
+        """The drive on `bus`, by these `wishes`.  Raises DriveError."""
+        self._wishes, self._settings, self._brake, self._clock = wishes, wishes.settings, brake, clock
+        od = load_eds(self._settings.eds, self._settings.node)
+        self._node = PumpedNode(self._settings.node, od, bus, clock)
+        self._wished = [wished(self._settings, od, way) for way in (RPDO, TPDO)]  # refused before the drive is asked
+        self.objects = ObjectAccess(self._settings, self._node)
+        self.description = self.objects.description
 
     @property
     def pdos(self) -> tuple[CommandPdo, FeedbackPdo]:
@@ -102,27 +84,30 @@ class DriveConfiguration:
                     ) from error
 
     def _configure(self) -> None:
-        network, objects, s = cast(PumpedNetwork, self._node.network), self.objects, self._settings
-        kind, boot = BootUp(objects, network, self._clock).run()
+        objects, s = self.objects, self._settings
+        kind, boot = BootUp(objects).run(self._take_power)
         check_profile(kind, s.node)
         servo = "servo drive" if kind & cia402.SERVO_DRIVE else "not marked as servo drive"
         self.description["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
         self.description["boot-up message"] = boot
-        identify(objects, self.description)
-        take_power(objects, self._clock, self.description)
+        identify(objects)
+        self._take_power()
         self._check_rated_current()
         self._check_mode()
         self.rpdo = PdoSetup(objects, RPDO).run(self._wished[0], milliseconds(s.rpdo_timeout))
         self.tpdo = PdoSetup(objects, TPDO).run(self._wished[1])
         self._describe_maps()
+        obey(objects, self._wishes)
         self._set_ramp()
-        self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)
+        self.protection = Supervision(objects, self._wishes.limits).run(self.rpdo)
+        check_start_up(objects, s)
         self._describe_options()
-        wishes = Wishes(s, self._limits, self._step, self._dt, objects.offered, self._homing)
-        obey(objects, wishes, self.description)
         self._set_mode()
         self._node.nmt.send_command(cia402.NMT_START)
         objects.verify()
+
+    def _take_power(self) -> None:
+        take_power(self.objects, self._brake)
 
     def _check_rated_current(self) -> None:
         s = self._settings
@@ -149,8 +134,8 @@ class DriveConfiguration:
             self.description[name] = f"{pdo.number + 1}, identifier 0x{pdo.identifier:03X}, {when}: {listed}"
 
     def _set_ramp(self) -> None:
-        scale = self._settings.deceleration_scale
-        counts = round(self._settings.quick_stop_deceleration / (scale or self._step))
+        scale, step = self._settings.deceleration_scale, self._wishes.encoder_step
+        counts = round(self._settings.quick_stop_deceleration / (scale or step))
         unit = f"counts of {scale:.4g}" if scale else "counts/s^2"
         if not 1 <= counts < 2**32:
             raise DriveError(
@@ -166,7 +151,7 @@ class DriveConfiguration:
         if held.value is not None and not held.fits:
             raise self.objects.error(
                 f": its stop ramp (0x6085) is {held.value} {unit} and does not become {counts};"
-                f" set quick_stop_deceleration to {held.value * (scale or self._step):g}, or the ramp in the drive",
+                f" set quick_stop_deceleration to {held.value * (scale or step):g}, or the ramp in the drive",
                 cia402.QUICK_STOP_DECELERATION << 8,
                 held.value,
                 "quick_stop_deceleration",
@@ -182,7 +167,7 @@ class DriveConfiguration:
     def _check_mode(self) -> None:
         modes = self.objects.offered(cia402.SUPPORTED_MODES)
         wanted = {cia402.CYCLIC_SYNCHRONOUS_TORQUE_BIT: "cyclic synchronous torque mode", cia402.HOMING_BIT: "homing"}
-        for bit, words in list(wanted.items())[: 1 + self._homing.by_drive]:
+        for bit, words in list(wanted.items())[: 1 + self._wishes.homing.by_drive]:
             if modes is not None and not modes & bit:
                 raise self.objects.error(
                     f" does not offer {words} (0x6502 = 0x{modes:08X}); enable it in the drive, or use another drive",
@@ -197,7 +182,12 @@ class DriveConfiguration:
         if held.refusal is not None:
             raise held.refusal
         if held.value is not None and not held.fits:
-            raise self._kept_mode(held.value) from held.refusal
+            raise self.objects.error(
+                f": mode of operation stays {held.value} (0x6060); must become {torque} (cyclic synchronous torque); is"
+                " another mode forced in the drive's own set-up?",
+                cia402.MODE << 8,
+                held.value,
+            )
         deadline = self._clock.now() + MODE_TIME
         while (mode := self.objects.read(cia402.MODE_DISPLAY)) != torque and self._clock.now() < deadline:
             pass
@@ -205,36 +195,24 @@ class DriveConfiguration:
         shown = "" if self.mode_shown else f"; 0x6061 shows {mode} until it is enabled"
         self.description["mode of operation"] = f"cyclic synchronous torque (10){shown}"
 
-    def _kept_mode(self, mode: int) -> DriveError:
-        return self.objects.error(
-            f": mode of operation stays {mode} (0x6060); must become {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic"
-            " synchronous torque); is another mode forced in the drive's own set-up?",
-            cia402.MODE << 8,
-            mode,
-        )
 
-
-def identify(objects: ObjectAccess, description: dict[str, str]) -> None:
+def identify(objects: ObjectAccess) -> None:
     """Describe the drive; compare it with the stage file and the EDS as CiA 302 does when a network boots.
 
     Raises DriveError where it is another one than they say.
     """
+    eds, settings = objects.node.object_dictionary.device_information, objects.settings
+    written = {"vendor": eds.vendor_number, "product": eds.product_number}  # None or 0: it does not say
     for subindex, name in enumerate(Identity._fields, start=1):
-        value = objects.offered(cia402.IDENTITY, subindex)
-        description[_SHOWN.get(name, name)] = NOT_OFFERED if value is None else f"0x{value:08X}"
-        _compare(objects, name, subindex, value)
+        value, stated = objects.offered(cia402.IDENTITY, subindex), getattr(settings.identity, name)
+        objects.description[_SHOWN.get(name, name)] = NOT_OFFERED if value is None else f"0x{value:08X}"
+        if stated is not None and value != stated:
+            _refuse(objects, name, subindex, value, f"drive.wire.identity.{name} = 0x{stated:08X}", "the stage file")
+        wanted = written.get(name)
+        if stated is None and value is not None and wanted and value != wanted:
+            _refuse(objects, name, subindex, value, f"0x{wanted:08X}", f"its EDS, {settings.eds}")
     for index, name in _NAMES.items():
-        description[name] = str(objects.offered(index) or NOT_OFFERED)
-
-
-def _compare(objects: ObjectAccess, name: str, subindex: int, value: int | None) -> None:
-    stated = getattr(objects.settings.identity, name)
-    eds = objects.node.object_dictionary.device_information
-    written = {"vendor": eds.vendor_number, "product": eds.product_number}.get(name) or None  # 0: it does not say
-    if stated is not None and value != stated:
-        _refuse(objects, name, subindex, value, f"drive.wire.identity.{name} = 0x{stated:08X}", "the stage file")
-    if stated is None and None not in (written, value) and value != written:
-        _refuse(objects, name, subindex, value, f"0x{written:08X}", f"its EDS, {objects.settings.eds}")
+        objects.description[name] = str(objects.offered(index) or NOT_OFFERED)
 
 
 def _refuse(objects: ObjectAccess, name: str, subindex: int, value: int | None, wanted: str, source: str) -> None:

@@ -17,6 +17,7 @@ import math
 from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import SYNC, Bus, frame
 from stagectl.drives.canopen import cia402, fault_texts
+from stagectl.drives.canopen.boot_up import set_brake
 from stagectl.drives.canopen.braking_monitor import (
     FAILURE_TEXTS,
     BrakingFailure,
@@ -27,18 +28,16 @@ from stagectl.drives.canopen.braking_monitor import (
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.configuration import DriveConfiguration
 from stagectl.drives.canopen.drive_homing import DriveHoming, ModeSwitch
-from stagectl.drives.canopen.drive_line import DriveLine
 from stagectl.drives.canopen.fault_texts import Deviation, FoundState
+from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.operation_watch import mode_place
-from stagectl.drives.canopen.power_states import BrakeSequence, FaultReset, PowerTransition, Standstill
+from stagectl.drives.canopen.power_states import BrakeSequence, PowerTransition, Standstill, fault_reset
 from stagectl.drives.canopen.protection import check_output_brake
-from stagectl.drives.canopen.reports import Reports
+from stagectl.drives.canopen.reports import DriveLine, Reports
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.cycle_time import has_room_for_sdo
-from stagectl.drives.drive import Canopen, Fault, Feedback, Power
-from stagectl.drives.homing import NO_HOMING, Homing
-from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, STANDING
-from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
+from stagectl.drives.drive import Fault, Feedback, Power
+from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, RESET_TIME, STANDING
 
 _SYNC = frame(SYNC)
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
@@ -50,24 +49,13 @@ _FAULT_BIT = 0x08  # of Fault and Fault reaction active
 class CanopenDrive:
     """The drive protocol over a bus; see `stagectl.drives.drive.Drive`."""
 
-    def __init__(  # noqa: PLR0913 - the last four have defaults
-        self,
-        settings: Canopen,
-        bus: Bus,
-        encoder_step: float,
-        dt: float,
-        *,
-        clock: Clock = WALL,
-        limits: AxisLimits = UNKNOWN_AXIS,
-        brake: Brake = NO_BRAKE,
-        homing: Homing = NO_HOMING,
-    ) -> None:
-        """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
+    def __init__(self, wishes: Wishes, bus: Bus, brake: Brake = NO_BRAKE, clock: Clock = WALL) -> None:
+        """Find the drive and configure it by these `wishes`.
 
-        With `limits` the drive's own limits are made to agree with those of the axis.  Raises DriveError with the
-        object that the drive refused and the next step.
+        Raises DriveError with the object that the drive refused and the next step.
         """
-        self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
+        settings, dt = wishes.settings, wishes.dt
+        self._settings, self._bus, self._step, self._dt = settings, bus, wishes.encoder_step, dt
         self._clock, self._pace = clock, SpeedEstimate(dt)
         self._now = clock.now
         self._walk = PowerTransition(Power.OFF, self._standstill())
@@ -77,7 +65,7 @@ class CanopenDrive:
         self._closed = self._walking = self._silent = False  # on the way to power; no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = DriveConfiguration(settings, bus, encoder_step, dt, clock, limits, homing)
+        setup = DriveConfiguration(wishes, bus, brake, clock)
         setup.run()
         self._description, self._protection = setup.description, setup.protection
         self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
@@ -91,11 +79,10 @@ class CanopenDrive:
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
         self._slow = settings.quick_stop_deceleration * STANDING
         self._found = FoundState(*(setup.objects.known(index) for index in (cia402.STATUSWORD, cia402.ERROR_CODE)))
-        self.position = lambda: setup.objects.position(encoder_step)
+        self.position = lambda: setup.objects.position(self._step)
         if brake.control == "output":
-            check_output_brake(setup.objects, self._description)
-            for subindex in (1, 2):  # set, before any power; the mask
-                setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, subindex)
+            check_output_brake(setup.objects)
+            set_brake(setup.objects)  # before any power
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
@@ -166,7 +153,8 @@ class CanopenDrive:
 
     def _stopping(self, state: DriveState) -> None:
         """One period without power, or on the way there; a drive that stays in operation is told again, by SDO."""
-        self._walk.wait()
+        if self._walk.wait():
+            self._brake.engage()
         word = self._walk.controlword
         if self._unheard.certain(state is _OPERATION_ENABLED and word & 0x0F != _ENABLED_WORD):
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
@@ -201,11 +189,11 @@ class CanopenDrive:
         """Hold bit 7 until the drive's fault is gone, without power.  Raises DriveError where it stays."""
         begun = due = self._now()
         gone = ConsecutiveCycles(OLD_ANSWERS)
-        while (elapsed := self._now() - begun) < FaultReset.DURATION:
+        while (elapsed := self._now() - begun) < RESET_TIME:
             self.sample()
             if gone.certain(not self._silent and self._last.statusword & _FAULT_BIT == 0):
                 break
-            self._walk.controlword = FaultReset.controlword(elapsed)
+            self._walk.controlword = fault_reset(elapsed)
             self.apply(0.0)
             due = self._rest(due)
         else:
@@ -267,6 +255,7 @@ class CanopenDrive:
     def _walked(self, now: Feedback) -> Feedback:
         """A step towards Operation enabled; once there, no fault later leads there again by itself."""
         state = self._walk.step(now)
+        self._brake.watch(state is DriveState.OPERATION_ENABLED)
         self._mode.shown()
         self._reports.proving = now.fault is Fault.NONE and not self._reports.watch.mode_shown
         proven = self._walk.certain and self._reports.watch.mode_shown and self._reports.watch.learned

@@ -15,9 +15,8 @@ from __future__ import annotations
 import math
 
 from stagectl.drives.canopen import cia402, fault_texts
-from stagectl.drives.canopen.drive_line import DriveLine
 from stagectl.drives.canopen.pdo import CommandPdo
-from stagectl.drives.canopen.reports import Reports
+from stagectl.drives.canopen.reports import DriveLine, Reports
 from stagectl.drives.drive import Fault, Feedback
 from stagectl.drives.limits import MODE_REPEAT, MODE_TIME, STALE_TIME
 

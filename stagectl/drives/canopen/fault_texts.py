@@ -50,11 +50,6 @@ class FoundState(NamedTuple):
     statusword: int | None = None
     error_code: int | None = None  # 0x603F
 
-    @property
-    def fault_code(self) -> int | None:
-        """The error code, where it is that of a fault: one that comes later is told by its emergency."""
-        return self.error_code if _is_fault(self.statusword) else None
-
 
 MUTE = Deviation("its heartbeat was not heard for {:.2f} s while its answers went on", alone=True)
 LEFT_OPERATIONAL = Deviation(
@@ -163,7 +158,7 @@ def standing_fault(node: int, statusword: int | None, found: FoundState, signs: 
     """A drive without power that is in Fault: what it reports, how a person resets it; empty for other states."""
     if not _is_fault(statusword):
         return ""
-    error = found.fault_code
+    error = found.error_code if _is_fault(found.statusword) else None  # one that comes later: by its emergency
     code = None if error is None else f"error code 0x603F = 0x{error:04X} ({cia402.emergency(error)})"
     emergency = emergency_words(signs.emergency) if signs.emergency else None
     parts = filter(None, (f"node {node} is in state {state_words(statusword)}", code, emergency))
@@ -219,11 +214,8 @@ def nmt_words(state: int) -> str:
 def _what(last: Feedback, signs: DriveSigns) -> str:
     if last.fault is Fault.FEEDBACK_LOST and not signs.answered:
         return "it has never answered a SYNC"
-    if (
-        last.fault is Fault.DRIVE_FAULT
-        and signs.problem
-        and cia402.state(last.statusword) is DriveState.OPERATION_ENABLED
-    ):
+    enabled = cia402.state(last.statusword) is DriveState.OPERATION_ENABLED
+    if last.fault is Fault.DRIVE_FAULT and signs.problem and enabled:
         return ""  # it has not left Operation enabled: the problem says what is wrong
     return FAULTS[last.fault].words
 

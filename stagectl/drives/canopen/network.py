@@ -102,7 +102,10 @@ class PumpedSdo(SdoClient):
             if left <= 0.0:
                 raise SdoCommunicationError("No SDO response received")
             network.pump(left)
-        return bytes(super().read_response())  # type: ignore[no-untyped-call]
+        try:
+            return bytes(super().read_response())  # type: ignore[no-untyped-call]
+        except struct.error as error:  # an abort that is shorter than its code
+            raise SdoCommunicationError("the SDO response is too short") from error
 
     def _has_answer(self) -> bool:
         """Whether the answer has arrived; late answers to an abandoned request are dropped."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 from stagectl.drives.bus.frames import HEARTBEAT, Bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
-from stagectl.drives.canopen.network import PumpedNode
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME
 
@@ -36,20 +36,25 @@ class Held(NamedTuple):
 
 
 class ObjectAccess:
-    """SDO access to one node; `held` is what a finished set-up must still find in the drive."""
+    """SDO access to one node; `held` is what a finished set-up must still find in the drive.
+
+    `description` collects what the drive reported, in words.
+    """
 
     def __init__(self, settings: Canopen, node: PumpedNode) -> None:
         """`node` is in a network already; its boot-up messages are counted from here on."""
         self.settings, self.node = settings, node
+        self.network = cast(PumpedNetwork, node.network)
+        self.description: dict[str, str] = {}
         self.held: dict[int, int] = {}
         self.boots = 0  # boot-up messages heard
         self.nmt_state: int | None = None  # as the last heartbeat or guarding answer said
         self._expected: int | None = None  # boots that are in order; None: any
-        node.network.subscribe(HEARTBEAT + settings.node, self._heard)
+        self.network.subscribe(HEARTBEAT + settings.node, self._heard)
 
     def close(self) -> None:
         """Listen to boot-up messages no more."""
-        self.node.network.unsubscribe(HEARTBEAT + self.settings.node, self._heard)
+        self.network.unsubscribe(HEARTBEAT + self.settings.node, self._heard)
 
     def begin(self) -> None:
         """Forget what was held; from now on a boot-up message interrupts."""
@@ -90,6 +95,16 @@ class ObjectAccess:
         action = f"write of {value} (0x{value & 0xFFFFFFFF:X})"
         self._transfer(action, index, subindex, lambda: self._download(value, index, subindex))
 
+    def attempt(self, value: int, index: int, subindex: int = 0) -> DriveError | None:
+        """Write an integer; the drive's refusal, if it refuses.  Raises SetupInterruptedError."""
+        try:
+            self.write(value, index, subindex)
+        except SetupInterruptedError:
+            raise
+        except DriveError as error:
+            return error
+        return None
+
     def hold(self, wanted: int, index: int, subindex: int = 0, fits: Fits | None = None) -> Held:
         """Compare the object, write `wanted` where it holds another value, and read it back.
 
@@ -98,14 +113,8 @@ class ObjectAccess:
         fits, refusal = fits or (lambda value: value == wanted), None
         value = self._readable(index, subindex)
         if value != wanted and self.node.object_dictionary.get_variable(index, subindex) is not None:
-            try:
-                self.write(wanted, index, subindex)
-            except SetupInterruptedError:
-                raise
-            except DriveError as error:
-                refusal = error
-            else:
-                value = self._readable(index, subindex)
+            refusal = self.attempt(wanted, index, subindex)
+            value = value if refusal else self._readable(index, subindex)
         held = Held(value, value is not None and fits(value), refusal)
         return self.keep(held, index, subindex)
 
@@ -130,7 +139,11 @@ class ObjectAccess:
 
     def upload(self, index: int, subindex: int) -> Any:
         """Value of an object.  Raises SdoError."""
-        return self._variable(index, subindex).decode_raw(self.node.sdo.upload(index, subindex))
+        variable, data = self._variable(index, subindex), self.node.sdo.upload(index, subindex)
+        try:
+            return variable.decode_raw(data)
+        except canopen.ObjectDictionaryError as error:  # shorter than the type of the EDS
+            raise SdoAbortedError(cia402.WRONG_LENGTH) from error
 
     def bits(self, key: int) -> int:
         """Length of an object as the EDS gives it.  Raises SdoAbortedError where it has none."""

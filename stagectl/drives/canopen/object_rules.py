@@ -14,10 +14,10 @@ from typing import NamedTuple
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import Held, ObjectAccess
 from stagectl.drives.canopen.protection import NOT_OFFERED, lacks
-from stagectl.drives.drive import Accepted, Canopen, DriveError
+from stagectl.drives.drive import Accepted, Canopen, DriveError, StartUp
 from stagectl.drives.homing import NO_HOMING, Homing
 from stagectl.drives.limits import INCREMENTS, ROUNDED, SEARCH_TIME
-from stagectl.drives.run_on import AxisLimits
+from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _INVERTED = 0xE0  # bits of 0x607E: position, velocity and, with some makers, torque
 _LARGEST_U32, _LARGEST_U16, _LARGEST_U8 = 2**32 - 1, 2**16 - 1, 2**8 - 1
@@ -28,11 +28,11 @@ class Wishes(NamedTuple):
     """What the rules follow from."""
 
     settings: Canopen
-    limits: AxisLimits
-    encoder_step: float  # rad | m
-    dt: float  # s
-    offered: Callable[[int, int], int | None]  # value of an object, None where it is missing
+    encoder_step: float  # rad | m, one count of the position
+    dt: float = 0.0  # s, the period
+    limits: AxisLimits = UNKNOWN_AXIS  # what follows from them is left alone where nothing is known of the axis
     homing: Homing = NO_HOMING
+    offered: Callable[[int, int], int | None] = lambda index, subindex: None  # value of an object; None: it is missing
 
 
 class Rule(NamedTuple):
@@ -178,33 +178,53 @@ HOMING_RULES = (  # where the drive finds its home itself
 )  # fmt: skip
 
 
-def obey(objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
+def obey(objects: ObjectAccess, wishes: Wishes) -> None:
     """Let the drive hold what the table wants.  Raises DriveError with the object that cannot be."""
+    p = wishes._replace(offered=objects.offered)
     for rule in (*RULES, *(HOMING_RULES if p.homing.by_drive else ())):
-        _obey(rule, objects, p, description)
+        _obey(rule, objects, p)
     for entry in p.settings.start_up:
         held = objects.hold(entry.value, entry.object >> 8, entry.object & 0xFF)
         if not held.fits:
-            raise _unheld(objects, entry.object, entry.value, held) from held.refusal
-        description[f"start-up ({cia402.shown(entry.object)})"] = f"{entry.value}"
+            raise _unheld(objects, entry, held) from held.refusal
+        objects.description[f"start-up ({cia402.shown(entry.object)})"] = f"{entry.value}"
 
 
-def _obey(rule: Rule, objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
+def check_start_up(objects: ObjectAccess, settings: Canopen) -> None:
+    """Raises DriveError where ramp and protection, which come after a person's objects, need another value of one."""
+    for entry in settings.start_up:
+        value = objects.held.get(entry.object)
+        if value != entry.value:
+            raise _unheld(objects, entry, Held(value, False))
+
+
+def _unheld(objects: ObjectAccess, entry: StartUp, held: Held) -> DriveError:
+    shown = "missing" if held.value is None else f"{held.value}"
+    return objects.error(
+        f": drive.wire.start_up wants {cia402.shown(entry.object)} = {entry.value}, but it is {shown}; correct"
+        " the entry, or set the object with the drive's own tool",
+        entry.object,
+        held.value,
+        "drive.wire.start_up",
+    )
+
+
+def _obey(rule: Rule, objects: ObjectAccess, p: Wishes) -> None:
     index, subindex = rule.key >> 8, rule.key & 0xFF
     value = p.offered(index, subindex)
     name = f"{rule.name} ({cia402.shown(rule.key)})"
     if value is None:
-        description[name] = NOT_OFFERED
+        objects.description[name] = NOT_OFFERED
         return
     wanted = rule.wanted(p)
     if wanted is not None and rule.written and not _stays(rule, value, wanted):
         held = objects.hold(wanted, index, subindex)
         value = value if held.value is None else held.value
-    description[name] = str(value) if wanted in (None, value) else f"{value}; wanted {wanted}"
+    objects.description[name] = str(value) if wanted in (None, value) else f"{value}; wanted {wanted}"
     if wanted is None:
         return
     if rule.enough is not None and not rule.enough(value, wanted):
-        _refuse(rule, objects, description, value, wanted)
+        _refuse(rule, objects, value, wanted)
     objects.keep(Held(value, True), index, subindex)
 
 
@@ -213,21 +233,10 @@ def _stays(rule: Rule, value: int, wanted: int) -> bool:
     return value == wanted or (rule.key == cia402.TORQUE_SLOPE << 8 and value >= wanted)
 
 
-def _refuse(rule: Rule, objects: ObjectAccess, description: dict[str, str], value: int, wanted: int) -> None:
+def _refuse(rule: Rule, objects: ObjectAccess, value: int, wanted: int) -> None:
     key = rule.key
     if rule.accept is not None:
-        lacks(objects, description, rule.accept, key, value, f"by the stage file it must be {wanted}: {rule.remedy}")
+        lacks(objects, rule.accept, key, value, f"by the stage file it must be {wanted}: {rule.remedy}")
         return
     words = f": {rule.name} is {value} ({cia402.shown(key)}); the stage file wants {wanted}: {rule.remedy}"
     raise objects.error(words, key, value)
-
-
-def _unheld(objects: ObjectAccess, key: int, wanted: int, held: Held) -> DriveError:
-    shown = "missing" if held.value is None else f"{held.value}"
-    return objects.error(
-        f": drive.wire.start_up wants {cia402.shown(key)} = {wanted}, but it is {shown}; correct the entry, or set the"
-        " object with the drive's own tool",
-        key,
-        held.value,
-        "drive.wire.start_up",
-    )

@@ -9,10 +9,13 @@ from typing import Any, NamedTuple
 from stagectl.drives.bus import frames
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import canopen
-from stagectl.drives.canopen.pdo_mapping import CODES
 from stagectl.drives.drive import Canopen, DriveError
 
-_DUMMIES = 0x20  # indices below are CiA 301's placeholders
+CODES = {0x2: "b", 0x3: "h", 0x4: "i", 0x5: "B", 0x6: "H", 0x7: "I", 0x15: "q", 0x1B: "Q"}  # by CiA 301 data type
+INVALID = 0x8000_0000  # bit of a PDO's COB-ID: the PDO does not exist
+COUNT = 4  # PDOs in each direction that a virtual drive has, and that are looked at in another one
+EVENT_TIMER = 5  # subindex: the deadline of an RPDO, ms
+DUMMIES = 0x20  # indices below are CiA 301's placeholders
 _WIDTHS = {8: "B", 16: "H", 32: "I", 64: "Q"}  # of objects that the EDS does not know
 
 
@@ -76,7 +79,7 @@ class CommandPdo:
         """Compiled from `pdo` as read back from the drive; without it, as `settings` wish it.  Raises DriveError."""
         pdo = pdo or wished(settings, od, RPDO)
         objects = pdo.objects
-        codes, length = _layout(od, pdo.entries, "rpdo")
+        codes, length = layout(od, pdo.entries, "rpdo")
         self._command = 2 + objects.index(settings.command_object)
         self._control = 2 + objects.index(cia402.CONTROLWORD << 8)
         self._struct = struct.Struct(f"<IB3x{codes}{8 - length}x")
@@ -113,7 +116,7 @@ class FeedbackPdo:
         """Compiled from `pdo` as read back from the drive; without it, as `settings` wish it.  Raises DriveError."""
         pdo = pdo or wished(settings, od, TPDO)
         objects = pdo.objects
-        codes, length = _layout(od, pdo.entries, "tpdo")
+        codes, length = layout(od, pdo.entries, "tpdo")
         self._status = objects.index(cia402.STATUSWORD << 8)
         self._position = objects.index(cia402.POSITION << 8)
         self._current = objects.index(settings.current_object) if settings.current_object else -1
@@ -152,7 +155,7 @@ def _bits(settings: Canopen, od: canopen.ObjectDictionary, name: str, key: int) 
             object_key=key,
             value=variable.data_type,
         )
-    if not variable.pdo_mappable and key >> 8 >= _DUMMIES:
+    if not variable.pdo_mappable and key >> 8 >= DUMMIES:
         raise DriveError(
             f"{name}: object 0x{key:06X} cannot be mapped according to {settings.eds}; map another object",
             place=name,
@@ -161,8 +164,8 @@ def _bits(settings: Canopen, od: canopen.ObjectDictionary, name: str, key: int) 
     return len(variable)
 
 
-def _layout(od: canopen.ObjectDictionary, entries: tuple[int, ...], name: str) -> tuple[str, int]:
-    """Struct codes and length (bytes) of a map; signs as the EDS gives them."""
+def layout(od: canopen.ObjectDictionary, entries: tuple[int, ...], name: str) -> tuple[str, int]:
+    """Struct codes and length (bytes) of a map; signs as the EDS gives them.  Raises DriveError."""
     codes = ""
     for entry in entries:
         variable: Any = od.get_variable(entry >> 16, entry >> 8 & 0xFF)

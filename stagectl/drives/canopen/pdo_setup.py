@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
-from stagectl.drives.canopen.pdo import Direction, PdoMap, needed
-from stagectl.drives.canopen.pdo_mapping import COUNT, EVENT_TIMER, INVALID
+from stagectl.drives.canopen.object_access import ObjectAccess
+from stagectl.drives.canopen.pdo import COUNT, DUMMIES, EVENT_TIMER, INVALID, Direction, PdoMap, needed
 from stagectl.drives.drive import DriveError
 
 _NO_REMOTE, _IDENTIFIER = 0x4000_0000, 0x7FF  # of a PDO's COB-ID
@@ -32,7 +31,7 @@ class PdoSetup:
     """One direction."""
 
     def __init__(self, objects: ObjectAccess, direction: Direction) -> None:
-        self._objects, self._direction = objects, direction
+        self._objects, self._direction, self._try = objects, direction, objects.attempt
         self._needed = needed(objects.settings, direction)  # objects that the map must hold
         self._read_back: dict[int, _Present] = {}
 
@@ -69,8 +68,8 @@ class PdoSetup:
             refusals.append(self._try(_AT_EVERY_SYNC, parameter, 2))
         for subindex, time in times.items():
             self._try(time, parameter, subindex)  # protection reads the deadline back, and judges
-        again = cob_id if refusals[0] is None else present.cob_id
-        refusals.append(self._try(again, parameter, 1) if refusals[0] is None else None)
+        if refusals[0] is None:
+            refusals.append(self._try(cob_id, parameter, 1))
         return next((refusal for refusal in refusals if refusal is not None), None)
 
     def _map(self, entries: tuple[int, ...]) -> DriveError | None:
@@ -80,16 +79,6 @@ class PdoSetup:
             refusal = self._try(value, mapping, subindex)
             if refusal is not None:
                 return refusal
-        return None
-
-    def _try(self, value: int, index: int, subindex: int) -> DriveError | None:
-        """Write; the drive's refusal.  Raises SetupInterruptedError."""
-        try:
-            self._objects.write(value, index, subindex)
-        except SetupInterruptedError:
-            raise
-        except DriveError as error:
-            return error
         return None
 
     def _times(self, deadline: int | None) -> dict[int, int]:
@@ -122,7 +111,7 @@ class PdoSetup:
         """With the present values of objects that only the drive wants in the RPDO: zeros would change them."""
         if not self._direction.received:
             return pdo
-        others = {key for key in pdo.objects if key not in self._needed and key >> 8 >= 0x20}
+        others = {key for key in pdo.objects if key not in self._needed and key >> 8 >= DUMMIES}
         values = {key: self._objects.offered(key >> 8, key & 0xFF) or 0 for key in others}
         return pdo._replace(fill=tuple(values.get(key, 0) for key in pdo.objects))
 

@@ -21,8 +21,6 @@ _ORDERS = {Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword}
 class Standstill:
     """Whether the position stays within `tolerance` (rad | m) for so many cycles, noise or not."""
 
-    CYCLES = limits.STANDSTILL_CYCLES
-
     def __init__(self, tolerance: float) -> None:
         self._tolerance, self._anchor, self._cycles = tolerance, math.nan, 0
 
@@ -62,12 +60,14 @@ class PowerTransition:
             self.controlword = _towards_enabled(state, stands)
         return state
 
-    def wait(self) -> None:
-        """One period on the way without power."""
-        if self._engaging:
-            self._engaging -= 1
-            if not self._engaging:
-                self.controlword = _OFF
+    def wait(self) -> bool:
+        """One period on the way without power; whether the brake is told again, as the first time may be lost."""
+        if not self._engaging:
+            return False
+        self._engaging -= 1
+        if not self._engaging:
+            self.controlword = _OFF
+        return self._engaging % limits.BRAKE_REPEAT_CYCLES == 0
 
 
 class BrakeSequence:
@@ -97,17 +97,16 @@ class BrakeSequence:
         self._powered = 0
         self._output(True)
 
+    def watch(self, powered: bool) -> None:
+        """Set a brake that is released where the drive leaves Operation enabled on the way to power: nothing holds."""
+        if self._powered > self._torque and not powered:
+            self.engage()
 
-class FaultReset:
-    """Bit 7 of the controlword (transition 15): held until the fault is gone, few edges, a pause between them."""
 
-    DURATION = limits.RESET_EDGES * (limits.RESET_HOLD + limits.RESET_PAUSE)  # s
-
-    @staticmethod
-    def controlword(elapsed: float) -> int:
-        """The controlword `elapsed` (s) after the beginning."""
-        held = elapsed % (limits.RESET_HOLD + limits.RESET_PAUSE) < limits.RESET_HOLD
-        return cia402.DeviceCommand.FAULT_RESET.controlword if held else _OFF
+def fault_reset(elapsed: float) -> int:
+    """Bit 7 of the controlword (transition 15), `elapsed` (s) after the beginning: few edges, a pause between them."""
+    held = elapsed % (limits.RESET_HOLD + limits.RESET_PAUSE) < limits.RESET_HOLD
+    return cia402.DeviceCommand.FAULT_RESET.controlword if held else _OFF
 
 
 def _towards_enabled(state: DriveState, stands: bool) -> int:

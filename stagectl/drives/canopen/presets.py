@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from stagectl.drives.canopen import cia402
 
-UNTRIED = "from documentation, not tried on hardware"
 TARGET, ACTUAL = cia402.TARGET_TORQUE << 8, cia402.ACTUAL_TORQUE << 8
 RATED = cia402.RATED_CURRENT << 8
 ENCODER_COUNTS = 0.0  # of the stop ramp: an encoder count per second squared
@@ -32,12 +31,7 @@ class Preset(NamedTuple):
     documents: tuple[str, ...]
     command_object: int = TARGET
     current_object: int = ACTUAL
-    tried: bool = False
-
-    @property
-    def standing(self) -> str:
-        """How far it is to be trusted."""
-        return "tried" if self.tried else UNTRIED
+    standing: str = "from documentation, not tried on hardware"  # how far it is to be trusted
 
 
 PRESETS = (
@@ -129,7 +123,7 @@ PRESETS = (
         ENCODER_COUNTS,
         ("Finer than 0x6071: command_object 0x2071_00 and current_object 0x2077_00 count 10 uA.", _STEPS),
         ("stagectl/drives/virtual/object_dictionary.py; its EDS is config/drives/stagectl-virtual.eds",),
-        tried=True,
+        standing="tried",
     ),
     Preset(
         "cia402",

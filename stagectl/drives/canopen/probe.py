@@ -120,7 +120,9 @@ def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeR
     preset = chosen or presets.for_vendor(vendor)
     reported_rated = number(read(preset.rated >> 8, preset.rated & 0xFF))
     current = rated or (reported_rated * 1e-3 if reported_rated else None)
-    answers = {**_identity(read), **_state(read, modes), **_stops(read), **_units(read)}
+    named = identity(read, {cia402.DEVICE_NAME: "device name", cia402.SOFTWARE_VERSION: "software version"})
+    about = {name: shown[:SHOWN_NAME] for name, shown in named.items()}
+    answers = {**about, **_state(read, modes), **_stops(read), **_units(read)}
     key = f"rated current ({cia402.shown(preset.rated)})"
     answers[key] = f"{reported_rated * 1e-3:g} A" if reported_rated is not None else NOT_OFFERED
     values = presets.wire_values(preset, current) if current else {}
@@ -128,11 +130,6 @@ def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeR
     if unit == RPM_PER_SECOND and values:
         values["deceleration_scale"] = presets.RPM_PER_SECOND
     return ProbeResult(answers, vendor, modes, current, preset, values, tuple(_doubts(preset, modes, current, values)))
-
-
-def _identity(read: Read) -> dict[str, str]:
-    texts = {cia402.DEVICE_NAME: "device name", cia402.SOFTWARE_VERSION: "software version"}
-    return {name: shown[:SHOWN_NAME] for name, shown in identity(read, texts).items()}
 
 
 def identity(read: Read, texts: Mapping[int, str]) -> dict[str, str]:
@@ -169,9 +166,8 @@ def _units(read: Read) -> dict[str, str]:
         answers["encoder (0x608F)"] = f"{counts / turns:.10g} counts per revolution"
     unit = number(read(UNIT_OF_ACCELERATION, 0))
     if unit is not None:
-        answers["unit of accelerations (0x60AA)"] = (
-            "rpm/s" if unit == RPM_PER_SECOND else f"0x{unit:08X}, see CiA 303-2"
-        )
+        known = "rpm/s" if unit == RPM_PER_SECOND else f"0x{unit:08X}, see CiA 303-2"
+        answers["unit of accelerations (0x60AA)"] = known
     return answers
 
 

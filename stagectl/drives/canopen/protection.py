@@ -18,8 +18,7 @@ from typing import NamedTuple
 from stagectl.drives.bus.frames import HEARTBEAT, MASTER, REMOTE, frame
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import Fits, Held, ObjectAccess
-from stagectl.drives.canopen.pdo import PdoMap
-from stagectl.drives.canopen.pdo_mapping import EVENT_TIMER
+from stagectl.drives.canopen.pdo import EVENT_TIMER, PdoMap
 from stagectl.drives.drive import ACCEPTED, Accepted, Canopen
 from stagectl.drives.limits import BEATS
 from stagectl.drives.run_on import AxisLimits
@@ -28,6 +27,7 @@ NOT_OFFERED = "not offered by this drive"
 ALIVE = frame(HEARTBEAT + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
 _QUICK_STOP, _HOLDS = 3, (5, 6, 7, 8)  # option 0x6007; options 0x605A that stay in Quick stop active, under power
+_OTHER_RAMP = (1, 5)  # options 0x605A that slow down on 0x6084; the next number is the same on 0x6085
 _WRITTEN = (_QUICK_STOP, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
 _LEAVES, _STOPPED = 0, 2  # options 0x1029:01: to pre-operational, which is the default of CiA 301; to stopped
 _COMMUNICATION = 1  # subindex of 0x1029
@@ -44,11 +44,11 @@ class Protection(NamedTuple):
 
 
 class Supervision:
-    """The pass that sets the protection up; `description` takes what there is, in words."""
+    """The pass that sets the protection up."""
 
-    def __init__(self, objects: ObjectAccess, description: dict[str, str], limits: AxisLimits) -> None:
+    def __init__(self, objects: ObjectAccess, limits: AxisLimits) -> None:
         self._objects, self._settings, self._limits = objects, objects.settings, limits
-        self._description = description
+        self._description = objects.description
 
     def run(self, rpdo: PdoMap) -> Protection:
         """Set up supervisors and reaction.  Raises DriveError where one is missing and is not accepted."""
@@ -61,7 +61,8 @@ class Supervision:
         guarding = 0.0 if watched else self._guarding(quick)
         timeout = min((time for time in (deadline, heartbeat, guarding) if time), default=0.0)
         if not timeout:
-            self._lack("no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
+            lacks(self._objects, "no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
+        self._choose_ramp()
         reacts, brakes = self._reaction()
         period = min(self._settings.heartbeat, (heartbeat or guarding or self._settings.heartbeat) / BEATS)
         alive = frame(REMOTE | HEARTBEAT + self._settings.node) if guarding else ALIVE
@@ -118,6 +119,14 @@ class Supervision:
         words = NOT_OFFERED if held.value is None else f"{held.value} ms"
         self._description["heartbeat of the drive (0x1017)"] = words
 
+    def _choose_ramp(self) -> None:
+        """Let a quick stop go by the ramp that is set (0x6085), not by that of other stops, which nobody knows."""
+        key, option = cia402.QUICK_STOP_OPTION << 8, self._objects.offered(cia402.QUICK_STOP_OPTION)
+        if option in _OTHER_RAMP and not self._objects.hold(option + 1, cia402.QUICK_STOP_OPTION).fits:
+            words = f": its quick stop slows down on another ramp (0x6084) than 0x6085: {cia402.shown(key)} is {option}"
+            remedy = f"and does not become {option + 1}; set it with the drive's own tool"
+            raise self._objects.error(f"{words} {remedy}", key, option)
+
     def _reaction(self) -> tuple[bool, bool]:
         """Whether a lost controller stops the axis, and whether by braking."""
         code = self._objects.offered(cia402.ABORT_CONNECTION)
@@ -132,7 +141,7 @@ class Supervision:
                 break
         self._description[name] = cia402.option(cia402.ABORT_CONNECTION, code)
         if code not in _STOPS:
-            self._lack("no_reaction", cia402.ABORT_CONNECTION << 8, code)
+            lacks(self._objects, "no_reaction", cia402.ABORT_CONNECTION << 8, code)
             return False, False
         self._objects.held[cia402.ABORT_CONNECTION << 8] = code
         return True, self._brakes(code)
@@ -153,31 +162,26 @@ class Supervision:
         self._description["error behaviour (0x1029:01)"] = (
             "leaves operational when the controller is lost" if held.fits else NOT_OFFERED
         )
-        self._lack("nmt_reaction" if held.fits else "no_reaction", cia402.ABORT_CONNECTION << 8, None)
+        lacks(self._objects, "nmt_reaction" if held.fits else "no_reaction", cia402.ABORT_CONNECTION << 8, None)
         return held.fits
 
-    def _lack(self, name: Accepted, key: int, value: int | None) -> None:
-        lacks(self._objects, self._description, name, key, value)
 
-
-def check_output_brake(objects: ObjectAccess, description: dict[str, str]) -> None:
+def check_output_brake(objects: ObjectAccess) -> None:
     """A brake that we set by 0x60FE: nobody does once we are lost, so that the drive must hold the axis under power.
 
     Raises DriveError where its reaction does not end in Quick stop active (0x6007 = 3, 0x605A of 5 to 8).
     """
     reaction, option = objects.offered(cia402.ABORT_CONNECTION), objects.offered(cia402.QUICK_STOP_OPTION)
     if reaction != _QUICK_STOP:
-        lacks(objects, description, "output_brake", cia402.ABORT_CONNECTION << 8, reaction)
+        lacks(objects, "output_brake", cia402.ABORT_CONNECTION << 8, reaction)
     elif option not in _HOLDS:
-        lacks(objects, description, "output_brake", cia402.QUICK_STOP_OPTION << 8, option)
+        lacks(objects, "output_brake", cia402.QUICK_STOP_OPTION << 8, option)
 
 
-def lacks(
-    objects: ObjectAccess, description: dict[str, str], name: Accepted, key: int, value: int | None, detail: str = ""
-) -> None:
+def lacks(objects: ObjectAccess, name: Accepted, key: int, value: int | None, detail: str = "") -> None:
     """Note what a drive lacks and the stage file accepts by `name`.  Raises DriveError where it does not."""
     if name in objects.settings.accept:
-        description[f"ACCEPTED: {name}"] = ACCEPTED[name]
+        objects.description[f"ACCEPTED: {name}"] = ACCEPTED[name]
         return
     shown = "missing, or does not hold what is written" if value is None else f"{value}"
     raise objects.error(

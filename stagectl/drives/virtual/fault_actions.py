@@ -1,9 +1,9 @@
-"""How each fault of the virtual drive is caused and undone."""
+"""Faults of the virtual drive: how each is caused and undone, which are waiting and which are active."""
 
 from __future__ import annotations
 
 import collections
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -29,6 +29,16 @@ class _Periodic:
     action: Callable[[], None]
     period: float  # s
     due: float  # s
+
+
+def _in_turn(*steps: Undo) -> Undo:
+    """Undo in several steps."""
+
+    def undo() -> None:
+        for step in steps:
+            step()
+
+    return undo
 
 
 class PeriodicActions:
@@ -57,7 +67,6 @@ class DriveParts(NamedTuple):
     axis: PowerStage
     objects: Objects
     clock: SkewedClock
-    dt: float  # s
     trip: Callable[[int], None]  # an error inside the drive, by its code
     boot: Callable[[], None]  # as after power-on, the machine staying where it is
     repeats: PeriodicActions
@@ -71,24 +80,13 @@ def _cut_off(m: DriveParts) -> Undo:
 
 
 def _bus_off(m: DriveParts, p: Any, now: float) -> Undo:
-    undo = _cut_off(m)
-
-    def recover() -> None:
-        undo()
-        m.objects.error(_RECOVERED, cia402.COMMUNICATION_ERROR)
-
-    return recover
+    return _in_turn(_cut_off(m), lambda: m.objects.error(_RECOVERED, cia402.COMMUNICATION_ERROR))
 
 
 def _power_off(m: DriveParts, p: Any, now: float) -> Undo:
     undo = _cut_off(m)
     m.axis.power_cycled()
-
-    def back() -> None:
-        undo()
-        m.boot()
-
-    return back
+    return _in_turn(undo, m.boot)
 
 
 def _reboot(m: DriveParts, p: Any, now: float) -> Undo:
@@ -120,16 +118,11 @@ def _jumping(m: DriveParts, p: Any, now: float) -> Undo:
 
     stop = m.repeats.every(p.every or JUMP_PERIOD, now, flip)
     undo = m.axis.sensor.distort(Distortion(lambda counts: counts + sign[0] * p.counts, lambda v: v))
-
-    def both() -> None:
-        stop()
-        undo()
-
-    return both
+    return _in_turn(stop, undo)
 
 
 def _noise(m: DriveParts, p: Any) -> Distortion:
-    chance, step, dt = m.bus.random, m.axis.plant.p.encoder.step, m.dt
+    chance, step, dt = m.bus.random, m.axis.plant.p.encoder.step, m.axis.plant.dt
     return Distortion(
         lambda _: chance.randrange(-(2**31), 2**31), lambda _: chance.uniform(-1.0, 1.0) * 2**31 * step / dt
     )
@@ -204,8 +197,80 @@ ACTIONS: dict[str, _Action] = dict.fromkeys(FRAME_FAULTS, lambda m, p, now: m.bu
     "current-stuck": _current(lambda m, p: sensor.held()),
     "current-reversed": _current(lambda m, p: lambda current: p.factor * current),
     "current-weak": _current(lambda m, p: lambda current: p.factor * current),
-    "current-late": _current(lambda m, p: sensor.late(max(1, round(p.delay / m.dt)))),
+    "current-late": _current(lambda m, p: sensor.late(max(1, round(p.delay / m.axis.plant.dt)))),
     "node-reboot": _reboot,
     "statusword-garbage": _statusword,
     "clock-skewed": _skewed,
 }
+
+
+class _Acting(NamedTuple):
+    block: Any
+    until: float  # s; 0: for good
+    undo: Undo
+
+
+class FaultSchedule:
+    """The faults of one virtual drive."""
+
+    def __init__(self, machine: DriveParts, report: Callable[[str], None]) -> None:
+        """`report` takes one line for each fault that begins or ends."""
+        self._machine, self._report = machine, report
+        self._standing: tuple[Any, ...] = ()
+        self._waiting: list[tuple[float, Any]] = []
+        self._acting: list[_Acting] = []
+        self._enabled = False
+
+    def standing(self, blocks: Iterable[Any]) -> None:
+        """Faults that begin so long after each time that Operation enabled is reached from a reset."""
+        self._standing = tuple(blocks)
+        self._enabled = False
+
+    def add(self, block: Any, now: float) -> None:
+        """A fault that begins so long after `now` (s)."""
+        self._waiting.append((now + block.after, block))
+        self.look(now)
+
+    def begin(self, block: Any, now: float) -> None:
+        """A fault that begins now, whatever its `after`."""
+        self._report(f"fault begins: {block.fault}")
+        undo = ACTIONS[block.fault](self._machine, block, now)
+        self._acting.append(_Acting(block, now + block.duration if block.duration else 0.0, undo))
+
+    def clear(self) -> None:
+        """Undo all that acts, forget all that waits."""
+        self._waiting.clear()
+        self._end(lambda _: True)
+
+    def renew(self) -> None:
+        """As after power-on: the standing faults wait for Operation enabled again; others stay as they are."""
+        self._enabled = False
+        self._waiting = [(at, block) for at, block in self._waiting if block not in self._standing]
+        self._end(lambda acting: acting.block in self._standing)
+
+    @property
+    def active(self) -> list[str]:
+        """Names of the faults that act."""
+        return [acting.block.fault for acting in self._acting]
+
+    def look(self, now: float) -> None:
+        """Begin and end what is due at `now` (s)."""
+        if self._standing and not self._enabled and self._machine.axis.state is cia402.DriveState.OPERATION_ENABLED:
+            self._enabled = True
+            self._waiting += [(now + block.after, block) for block in self._standing]
+        if not (self._waiting or self._acting):
+            return
+        self._end(lambda acting: 0.0 < acting.until <= now)
+        due = [block for at, block in self._waiting if at <= now]
+        self._waiting = [(at, block) for at, block in self._waiting if at > now]
+        for block in due:
+            self.begin(block, now)
+        self._machine.repeats.look(now)
+
+    def _end(self, over: Callable[[_Acting], bool]) -> None:
+        """Undo the faults that are `over`, the oldest first."""
+        ending = [acting for acting in self._acting if over(acting)]
+        self._acting = [acting for acting in self._acting if acting not in ending]
+        for acting in ending:
+            acting.undo()
+            self._report(f"fault is over: {acting.block.fault}")

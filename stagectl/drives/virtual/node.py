@@ -19,18 +19,18 @@ from typing import Any, Literal
 from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.faulty_bus import FaultyBus
 from stagectl.drives.bus.frames import HEARTBEAT, Bus
-from stagectl.drives.canopen import cia402, pdo_mapping
+from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import canopen
 from stagectl.drives.canopen.network import PumpedNetwork, load_eds
 from stagectl.drives.clock import WALL, Clock, SkewedClock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import CLOCK_SLIP, CLOCK_TICK, LOOK_FRAMES, SYNC_PATIENCE
 from stagectl.drives.simulated import Plant
-from stagectl.drives.virtual.fault_actions import DriveParts, PeriodicActions
-from stagectl.drives.virtual.fault_schedule import FaultSchedule
+from stagectl.drives.virtual import pdo_mapping
+from stagectl.drives.virtual.fault_actions import DriveParts, FaultSchedule, PeriodicActions
 from stagectl.drives.virtual.object_dictionary import Objects
 from stagectl.drives.virtual.power_stage import PowerStage, StopReport
-from stagectl.drives.virtual.supervision import LostPartner, Watchdog
+from stagectl.drives.virtual.supervision import Watchdog
 
 _SDO_LENGTH = 8  # bytes; a server does not look at others
 
@@ -44,11 +44,10 @@ class VirtualNode:
         plant: Plant,
         bus: Bus,
         clock: Literal["sync", "wall"],
-        dt: float,
         quick_stop_gain: float,
         report: Callable[[str], None],
         *,
-        distance: Callable[[float], str] | None = None,
+        distance: Callable[[float], str] = str,
         time: Clock = WALL,
         faults: Iterable[Any] = (),
         brake: Brake = NO_BRAKE,
@@ -60,11 +59,17 @@ class VirtualNode:
         words, with distances as `distance` writes them; `faults` are of `stagectl.drives.faults`; its reference
         mark is `mark` (rad | m) from where it was powered on.  Raises DriveError.
         """
-        _check(plant, dt)
+        if plant.p.encoder.step <= 0.0:
+            raise DriveError(
+                "encoder.step = 0; must lie in (0, 1]: a CANopen drive counts; give the encoder a step",
+                place="encoder.step",
+                value=0.0,
+            )
         self._clock = SkewedClock(time)
-        self._settings, self._dt, self._report = settings, dt, report
+        self.now = self._clock.now  # the drive's own time (s)
+        self._settings, self._dt, self._report = settings, plant.dt, report
         self._bus = FaultyBus(bus, self._clock.now, plant.simulation.seed)
-        self._wall, self._distance = clock == "wall", distance or self._counts
+        self._wall, self._distance = clock == "wall", distance
         self._network = PumpedNetwork(self._bus, self._clock)
         self._node: canopen.LocalNode = canopen.LocalNode(settings.node, load_eds(settings.eds, settings.node))
         self._network[settings.node] = self._node
@@ -75,7 +80,7 @@ class VirtualNode:
         self._pending: dict[bytes, tuple[pdo_mapping.Rpdo, bytes]] = {}
         self._syncs = 0
         self._plant_time = self._synced = self._looked = self._clock.now()
-        parts = self._bus, self.axis, self.objects, self._clock, dt, self.trip, self._reboot, PeriodicActions()
+        parts = self._bus, self.axis, self.objects, self._clock, self.trip, self._reboot, PeriodicActions()
         self.faults = FaultSchedule(DriveParts(*parts), report)
         self.faults.standing(faults)
         self._configure()
@@ -93,10 +98,6 @@ class VirtualNode:
             self._take(raw)
         if self._clock.now() - self._looked >= CLOCK_TICK:
             self._look()
-
-    def now(self) -> float:
-        """The drive's own time (s)."""
-        return self._clock.now()
 
     def trip(self, code: int) -> None:
         """An error inside the drive: emergency `code`, fault reaction, Fault."""
@@ -225,9 +226,9 @@ class VirtualNode:
         self._network.tick(now)
         if self.axis.state is not cia402.DriveState.OPERATION_ENABLED:
             self._command.disarm()
-        for lost in (self._heartbeat.check(now), self._command.check(now)):
-            if lost is not None:
-                self._partner_lost(lost)
+        for partner in (self._heartbeat, self._command):
+            if (silence := partner.check(now)) is not None:
+                self._partner_lost(partner, silence)
         self._follow(now)
 
     def _follow(self, now: float) -> None:
@@ -250,13 +251,12 @@ class VirtualNode:
             self.axis.advance(now - self._plant_time)
             self._plant_time = now
 
-    def _partner_lost(self, lost: LostPartner) -> None:
+    def _partner_lost(self, lost: Watchdog, silence: float) -> None:
         self.objects.error(lost.code, cia402.COMMUNICATION_ERROR)
         if self.axis.state is not cia402.DriveState.OPERATION_ENABLED:
             return  # nothing to stop; after an orderly end nothing to report
-        silence, timeout = lost.silence * 1e3, lost.timeout * 1e3
         reaction = self._reaction(cia402.ABORT_CONNECTION)
-        self._report(f"{lost.what} for {silence:.0f} ms (time-out {timeout:.0f} ms): {reaction}")
+        self._report(f"{lost.what} for {silence * 1e3:.0f} ms (time-out {lost.timeout * 1e3:.0f} ms): {reaction}")
         self.axis.connection_lost()
 
     def _hear(self, partner: Watchdog) -> None:
@@ -271,19 +271,3 @@ class VirtualNode:
     def _stopped(self, stop: StopReport) -> None:
         what = "stands" if stop.stands else "still MOVES, power cut,"
         self._report(f"{what} after {stop.duration * 1e3:.0f} ms and {self._distance(stop.distance)}")
-
-    def _counts(self, distance: float) -> str:
-        return f"{distance / self.axis.plant.p.encoder.step:.0f} encoder counts"
-
-
-def _check(plant: Plant, dt: float) -> None:
-    if plant.p.encoder.step <= 0.0:
-        raise DriveError(
-            "encoder.step = 0; must lie in (0, 1]: a CANopen drive counts; give the encoder a step",
-            place="encoder.step",
-            value=0.0,
-        )
-    if plant.dt != dt:
-        raise DriveError(
-            f"dt = {dt} s, but the plant runs in periods of {plant.dt} s; give both the same", place="dt", value=dt
-        )

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from stagectl.drives.canopen import cia402, pdo_mapping
+from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoAbortedError, canopen
+from stagectl.drives.canopen.pdo import CODES
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.virtual import pdo_mapping
 from stagectl.drives.virtual.homing import DIRECTIONS, HomingOptions
 from stagectl.drives.virtual.power_stage import PowerStage, StopOptions
 
@@ -131,8 +134,8 @@ class Objects:
             cia402.TARGET_TORQUE << 8: lambda count: self._aim(count * self._permille),
             TARGET_CURRENT << 8: lambda count: self._aim(count * FINE),
             cia402.ERROR_HISTORY << 8: lambda _: self._history.clear(),
-            cia402.DIGITAL_OUTPUTS << 8 | 1: self._set_outputs,
-            cia402.DIGITAL_OUTPUTS << 8 | 2: self._set_mask,
+            cia402.DIGITAL_OUTPUTS << 8 | 1: partial(setattr, self.axis.brake, "outputs"),
+            cia402.DIGITAL_OUTPUTS << 8 | 2: partial(setattr, self.axis.brake, "mask"),
         }
 
     def _control(self, controlword: int) -> None:
@@ -144,12 +147,6 @@ class Objects:
     def _set_mode(self, mode: int) -> None:
         if mode in _MODES:  # an RPDO with another mode is ignored; `_check` aborts such an SDO
             self.axis.mode = mode
-
-    def _set_outputs(self, outputs: int) -> None:
-        self.axis.brake.outputs = outputs
-
-    def _set_mask(self, mask: int) -> None:
-        self.axis.brake.mask = mask
 
     def _aim(self, current: float) -> None:
         if self.axis.state is cia402.DriveState.OPERATION_ENABLED:
@@ -165,7 +162,7 @@ class Objects:
         return None if getter is None else getter()
 
     def _written(self, *, index: int, subindex: int, od: Any, data: bytes) -> None:
-        if od.data_type not in pdo_mapping.CODES:
+        if od.data_type not in CODES:
             return
         value = int(od.decode_raw(bytes(data)))
         self._check(index, subindex, od, value)
@@ -182,8 +179,7 @@ class Objects:
         allowed = _ADMITTED.get(index)
         if allowed is not None and value not in allowed:
             raise SdoAbortedError(cia402.OUT_OF_RANGE)
-        if pdo_mapping.is_pdo_parameter(index):
-            pdo_mapping.check(self.node.object_dictionary, self.number, index, subindex, value)
+        pdo_mapping.check(self.node.object_dictionary, self.number, index, subindex, value)
 
     def _check_scales(self, settings: Canopen) -> None:
         fine = {TARGET_CURRENT << 8: FINE, ACTUAL_CURRENT << 8: FINE}

@@ -15,10 +15,8 @@ from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.cycle_time import CHARACTER_BITS
 from stagectl.drives.drive import DriveError, Odrive
 from stagectl.drives.limits import CLOCK_TICK, ODRIVE_LINE
-from stagectl.drives.odrive import CLOSED_LOOP, IDLE, TORQUE_CONTROL, WATCHDOG_EXPIRED
+from stagectl.drives.odrive import CLOSED_LOOP, IDLE, TORQUE_CONTROL, TURN, WATCHDOG_EXPIRED
 from stagectl.drives.simulated import Plant
-
-_TURN = 2.0 * math.pi
 
 
 class VirtualOdrive:
@@ -67,7 +65,7 @@ class VirtualOdrive:
     def _command(self, verb: str, words: list[str]) -> str:
         if verb == "f" and int(words[0]) == self._settings.axis:
             self.plant.latch()
-            return f"{self.plant.position / _TURN:.6f} {self.plant.state.velocity / _TURN:.6f}"
+            return f"{self.plant.position / TURN:.6f} {self.plant.state.velocity / TURN:.6f}"
         if verb == "c" and int(words[0]) == self._settings.axis:
             return self._torque(float(words[1]))
         if verb == "r":

@@ -175,8 +175,7 @@ class PowerStage:
 
     def restart(self) -> None:
         """As after power-on, with the machine as new: so that a run can be repeated to the last bit."""
-        self._enter(DriveState.SWITCH_ON_DISABLED)
-        self.mode = self.controlword = 0
+        self.power_cycled()
         self.plant.restart()
         self.homing.restart()
 
@@ -251,9 +250,7 @@ class PowerStage:
         stop = StopReport(self._elapsed - self._still, self.plant.state.position - self._began, still)
         self._limit = 0.0
         after = self._after_stop
-        if (
-            not still and after is DriveState.QUICK_STOP_ACTIVE
-        ):  # it would stay powered: an axis that cannot be held is cut
+        if not still and after is DriveState.QUICK_STOP_ACTIVE:  # under power: an axis that cannot be held is cut
             after = DriveState.SWITCH_ON_DISABLED
         if after is not self.state:
             self._enter(after)

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-
-class LostPartner(NamedTuple):
-    """A partner whose messages ceased."""
-
-    code: int  # emergency error code
-    what: str  # in plain words
-    silence: float  # s
-    timeout: float  # s
-
 
 class Watchdog:
     """Trips once after `timeout` without a message; armed by the first message."""
 
     def __init__(self, code: int, what: str) -> None:
-        """Report `code` (EMCY) and `what` (words) when it trips."""
-        self._code, self._what = code, what
+        """What its trip is: an emergency of this `code`, and `what` in plain words."""
+        self.code, self.what = code, what
         self.timeout = 0.0  # s; 0: off
         self._heard = 0.0
         self.armed = self.tripped = False
@@ -34,10 +23,10 @@ class Watchdog:
         """Expect nothing until the next sign of life."""
         self.armed = False
 
-    def check(self, now: float) -> LostPartner | None:
-        """The loss, in the moment it is noticed; None before and after."""
+    def check(self, now: float) -> float | None:
+        """The silence (s), in the moment in which it is noticed; None before and after."""
         silence = now - self._heard
         if not self.armed or self.timeout <= 0.0 or silence <= self.timeout:
             return None
         self.armed, self.tripped = False, True
-        return LostPartner(self._code, self._what, silence, self.timeout)
+        return silence

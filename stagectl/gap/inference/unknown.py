@@ -20,7 +20,7 @@ from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
-from stagectl.gap.selection.linearised import Cuts, Library
+from stagectl.gap.selection.linearised import Library, Predicted
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
 
@@ -42,30 +42,24 @@ def functions(e: Evidence, size: Scales, library: Library) -> BasisColumns:
     return basis_functions.functions(filtering, e.runs, size, gram_matrices.selected(library.products, names))
 
 
-def predicted(e: Evidence, now: Fitted, smooth: BasisColumns) -> Cuts:
-    """What would be named an unknown of `now`: in the mechanics by an order, in the drive by repeating; else 0."""
-    if not refine.repeated(e):
-        return largest(e, now, smooth), 0.0
-    own = shape_fits.own_columns(e, now)
-    residual = unstructured_residual.mean_residual(now, gram_matrices.with_columns(smooth.known, own))
-    return largest(e, now, smooth), unstructured_residual.drive_excess(e, residual) * repeats_of(e)
+def predicted(e: Evidence, now: Fitted, smooth: BasisColumns) -> Predicted:
+    """What would be named an unknown of `now`: in the mechanics by an order, in the drive by repeating; else 0.
 
-
-def largest(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
-    """The most that a function of one coordinate, or of the clock, predicts of the residual of `now`, over all repeats.
-
-    0 where none predicts as much as an unknown must.
+    In the mechanics it is the most that a function of one coordinate, or of the clock, predicts, over all repeats.
     """
-    least, repeats = least_gain(e), repeats_of(e)
-    fits = shape_fits.single_coordinate(e, now, shape_fits.own_columns(e, now), smooth)
-    of_coordinates = [fit.gain * repeats for fit in fits if fit.clear(least)]
-    return max([*of_coordinates, unstructured_residual.clock_gain(e, now, smooth, least * repeats)[0]])
+    least, repeats, own = least_gain(e), repeats_of(e), shape_fits.own_columns(e, now)
+    clear = [fit for fit in shape_fits.single_coordinate(e, now, own, smooth) if fit.clear(least)]
+    of_clock = unstructured_residual.clock_gain(e, now, smooth, least * repeats)[0]
+    effort = max([*(fit.gain * repeats for fit in clear), of_clock])
+    return Predicted((effort, _of_drive(e, now, smooth, own)), max((fit.share for fit in clear), default=0.0))
 
 
-def ordered(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
-    """Largest share of the residual of `now` that a function of one coordinate predicts; 0 where none is clear."""
-    fits = shape_fits.single_coordinate(e, now, shape_fits.own_columns(e, now), smooth)
-    return max((fit.share for fit in fits if fit.clear(least_gain(e))), default=0.0)
+def _of_drive(e: Evidence, now: Fitted, smooth: BasisColumns, own: Columns) -> float:
+    """Sum of squares of the current that would be named, over all repeats; 0 without repeats."""
+    if not refine.repeated(e):
+        return 0.0
+    residual = unstructured_residual.mean_residual(now, gram_matrices.with_columns(smooth.known, own))
+    return unstructured_residual.drive_excess(e, residual) * repeats_of(e)
 
 
 def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTerm | None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 
@@ -54,22 +55,34 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) 
     if all(np.ptp(run.mean.rows[:, 1]) < thresholds.COVERED * pitch for run in runs):
         return _of_no_pitch(p, runs, pitch)
     samples = _samples(runs, pitch, p.stage.encoder.delay_samples, effort)
-    angle = 2.0 * np.pi / pitch * samples.position
-    whole = np.arange(1, thresholds.HIGHEST_ORDER + 1)
-    steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.ORDERS_PER_WHOLE * thresholds.HIGHEST_ORDER // 2)
-    steps = steps[
-        np.abs(steps - thresholds.ORDERS_PER_WHOLE * np.round(steps / thresholds.ORDERS_PER_WHOLE))
-        >= thresholds.APART_FROM_WHOLE
-    ]
+    turns, whole = samples.position / pitch, np.arange(1, thresholds.HIGHEST_ORDER + 1)
     signals = np.stack([samples.effort, samples.effort * samples.current, samples.effort * samples.direction])
-    cogging, ripple, lead = power(signals, angle, whole)
-    balls = power(signals[2:], angle / thresholds.ORDERS_PER_WHOLE, steps)[0]
+    cogging, ripple, lead = power(signals, turns, thresholds.HIGHEST_ORDER)
+    balls = power(signals[2:], turns / thresholds.ORDERS_PER_WHOLE, thresholds.HIGHEST_FRACTIONAL)[0]
+    steps = _fractional()
     return {
-        "cogging": peaks(whole, cogging),
+        "cogging": _with_line(peaks(whole, cogging), lines(p, runs, pitch)),
         "current_ripple": peaks(whole, ripple),
         "lead_friction": tuple(order for order in peaks(whole, lead) if order in thresholds.LEAD_ORDERS),
-        "ball_pass_ripple": peaks(steps / thresholds.ORDERS_PER_WHOLE, balls, thresholds.ORDERS_APART),
+        "ball_pass_ripple": peaks(steps / thresholds.ORDERS_PER_WHOLE, balls[steps - 1], thresholds.ORDERS_APART),
     }
+
+
+def _fractional() -> NDArray[np.int64]:
+    """Orders that are not whole, in steps."""
+    steps, whole = (
+        np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.HIGHEST_FRACTIONAL + 1),
+        thresholds.ORDERS_PER_WHOLE,
+    )
+    return steps[np.abs(steps - whole * np.round(steps / whole)) >= thresholds.APART_FROM_WHOLE]
+
+
+def _with_line(orders: tuple[float, ...], found: Lines) -> tuple[float, ...]:
+    """`orders`, and that of the highest line, which may be a small part of the whole."""
+    line = float(found.orders[np.argmax(found.height)])
+    near = float(round(line))
+    order = near if near and abs(line - near) <= found.apart else line
+    return orders if order in orders else (*orders, order)
 
 
 def _of_no_pitch(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str, tuple[float, ...]]:
@@ -90,8 +103,8 @@ def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
     travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
     turn = thresholds.STEPS_PER_TRAVEL * travel
     samples = _samples(runs, travel, p.stage.encoder.delay_samples, effort)
-    grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, thresholds.MOST_PERIODS + 1)
-    spectrum: Array = power(samples.effort[None], 2.0 * np.pi / turn * samples.position, grid)[0]
+    grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, thresholds.MOST_STEPS + 1)
+    spectrum = power(samples.effort[None], samples.position / turn, thresholds.MOST_STEPS)[0][grid - 1]
     # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
     around = np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="nearest"), 1e-300)
     orders: Array = grid.astype(np.float64) * (pitch / turn)
@@ -133,20 +146,12 @@ def _moving(run: Run, effort: Array, late: int) -> Samples:
     return Samples(*signals[:, (speed > thresholds.MOVING * speed.max(initial=0.0)) & (run.weight > 0.0)])
 
 
-def power(signals: Array, angle: Array, grid: NDArray[np.int64]) -> Array:
-    """Periodograms (s, k) of `signals` (s, n) over `angle` (n,) rad at the rising whole orders `grid` (k,).
-
-    Each order follows from the one before by a product instead of a sine: 1e-12 off after a thousand of them.
-    """
-    signals = signals - signals.mean(axis=1, keepdims=True)
-    turn, turned, current = np.exp(-1j * angle), np.exp(-1j * float(grid[0]) * angle), int(grid[0])
-    spectra: Array = np.empty((len(signals), len(grid)))
-    for k, order in enumerate(grid.tolist()):
-        for _ in range(order - current):
-            turned *= turn
-        current = order
-        spectra[:, k] = np.abs(signals @ turned) ** 2
-    spectra /= signals.shape[1]
+def power(signals: Array, turns: Array, highest: int) -> Array:
+    """Periodograms (s, highest) of `signals` (s, n) over `turns` (n,), at 1 to `highest` periods a turn."""
+    bins = thresholds.BINS_PER_PERIOD * highest
+    place = np.floor(bins * (turns % 1.0)).astype(int) % bins
+    sums = [np.bincount(place, signal - signal.mean(), bins) for signal in signals]
+    spectra: Array = np.abs(fft.rfft(np.stack(sums))[:, 1 : highest + 1]) ** 2 / len(turns)
     return spectra
 
 

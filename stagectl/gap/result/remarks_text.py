@@ -51,7 +51,7 @@ def spans(result: DiagnosisResult) -> list[str]:
         total = sum(end - begin for begin, end in capture.spans)
         listed = ", ".join(f"{begin:.2f} to {end:.2f} s" for begin, end in capture.spans[:MOST])
         more = f" and {len(capture.spans) - MOST} more" if len(capture.spans) > MOST else ""
-        where = f"{listed}{more} ({total:.2g} s)" if capture.spans else "nowhere"
+        where = f"{listed}{more} ({total:.3g} s)" if capture.spans else "nowhere"
         lines.append(f"{capture.file}: {where}")
     return lines
 

@@ -30,7 +30,7 @@ from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds
 from stagectl.gap.selection.bristle_members import Family, is_member, members, with_best
 from stagectl.gap.selection.priors import Prior
-from stagectl.gap.selection.shift_start import in_time
+from stagectl.gap.selection.start_model import in_time, with_friction
 from stagectl.kernels import friction_bristle, stage
 from stagectl.parallel import in_parallel
 
@@ -185,14 +185,15 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
     if is_measured(runs) and "time_shift" not in frozen:
         model = in_time(model, runs, noise, session.dt)
+    prior = priors.prior_of(model, runs, session.dt)
+    model = with_friction(model, runs, noise, prior.effort)
     before = residuals_of(nominal, runs, noise)
     moving = directions(session, model, is_measured(runs))
     free = [direction for direction in moving if direction.name not in frozen]
     bristles, own = members(nominal.stage), parameter_names(free)
     known = gram_matrices.products(runs, all_columns(model, runs, [*free, *bristles], noise), START)
-    at_nominal = gram_matrices.fold_sums(known, before)
-    prior = priors.believed(at_nominal, own, priors.prior_of(model, runs, session.dt))
-    state, family = _State(model, before), Family(known, tuple(bristles))
+    state, family = _State(model, residuals_of(model, runs, noise)), Family(known, tuple(bristles))
+    prior = priors.believed(gram_matrices.fold_sums(known, state.residuals), own, prior)
     for _ in range(thresholds.BASELINE_STEPS):
         if family.chosen is None:
             family = with_best(family, state.residuals, own)

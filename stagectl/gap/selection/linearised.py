@@ -30,9 +30,13 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 
 WIDER = {effect.name: effect.generalisations for effect in EFFECTS.values() if effect.generalisations}
 Cuts = tuple[float, float]  # of the residual effort and of the missing current
-# Sums of squares of a model's residuals that repeat and have an order, so that an unknown would be named.
-Predicted = Callable[[Evidence, Fitted], Cuts]
-Ordered = Callable[[Evidence, Fitted], float]  # largest share of them that a function of one coordinate predicts
+
+
+class Predicted(NamedTuple):
+    """What repeats of a model's residuals and has an order, so that an unknown would be named."""
+
+    cuts: Cuts = (0.0, 0.0)  # sums of squares
+    share: float = 0.0  # of the residual effort, that a function of one coordinate predicts
 
 
 class Library(NamedTuple):
@@ -41,8 +45,7 @@ class Library(NamedTuple):
     forms: tuple[Form, ...]
     products: gram_matrices.Products
     excess: Cuts  # sum of squares above the floor that the nuisances leave of the baseline fit
-    predicted: Predicted = lambda *_: (0.0, 0.0)
-    ordered: Ordered = lambda *_: 0.0
+    predict: Callable[[Evidence, Fitted], Predicted] = lambda *_: Predicted()
 
 
 class Linearised(NamedTuple):

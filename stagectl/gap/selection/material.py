@@ -26,7 +26,7 @@ def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues
     if valued.effect.name in constants.TIMING:  # in its place the time shift may move as far as it likes
         return stands(library, refine.refine(e, now.model, rest.effects), now)
     before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
-    return nearly_all(before, after, linearised.strokes(e)) or explains(before, after, library.predicted(e, rest))
+    return nearly_all(before, after, linearised.strokes(e)) or explains(before, after, library.predict(e, rest).cuts)
 
 
 def stands(library: Library, before: Fitted, after: Fitted) -> bool:

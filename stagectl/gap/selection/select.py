@@ -77,13 +77,13 @@ def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after:
     """
     present = {valued.effect.name for valued in now.effects}
     added = [valued for valued in after.effects if valued.effect.name not in present]
-    predicted = library.predicted(e, now)[0]
-    if not predicted or all(valued.effect.block == DRIVE for valued in added):
+    predicted = library.predict(e, now)
+    if not predicted.cuts[0] or all(valued.effect.block == DRIVE for valued in added):
         return True
     before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
-    if not adequate(before, left, predicted):
+    if not adequate(before, left, predicted.cuts[0]):
         return False
-    return left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - library.ordered(e, now)) * before
+    return left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - predicted.share) * before
 
 
 def _first_of(
@@ -112,7 +112,7 @@ def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     single = max(singles, key=singles.__getitem__, default=frozenset[str]())
     if singles.get(single, 0.0) <= _empty(at):
         return None
-    best, predicted = at.verdict.best(single), library.predicted(e, now)
+    best, predicted = at.verdict.best(single), library.predict(e, now).cuts
     if not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
         return None
     added = at.values(best)

@@ -18,6 +18,7 @@ VISCOUS_CHANGE = 0.1  # of the viscous friction
 WEIGHT_CHANGE = 0.02  # of the Coulomb friction, for one stop operator
 SHIFT_CHANGE = 0.2  # of the control period
 SHIFTS_TRIED = (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0)  # of it, from which the fit may begin; chosen
+FRICTIONS_TRIED = (0.25, 0.5, 1.0)  # of the rms effort, where the nominal model has none; chosen
 LAGS_TRIED = (0.2, 0.4, 0.8)  # of it, further lag of the current loop, whose staircase is rounded and not late; chosen
 BRISTLE_CHANGE, LENGTH_CHANGE = 0.1, 0.2  # of the size and the length of the nominal bristle
 SHAPE_STEPS = 8  # Gauss-Newton steps of the whole base with its bristle's shape, at most; chosen

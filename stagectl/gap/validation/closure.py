@@ -207,9 +207,9 @@ def _by_stroke(runs: Sequence[Run], signals: Sequence[Sequence[Array]]) -> Strok
     squares, samples = [], []
     for run, repeats in zip(runs, signals, strict=True):
         strokes = [run.cluster == number for number in np.unique(run.cluster)]
-        for signal in repeats:
-            squares += [float(((signal * run.weight)[stroke] ** 2).sum()) for stroke in strokes]
-            samples += [float(run.weight[stroke].sum()) for stroke in strokes]
+        square = np.sum([(signal * run.weight) ** 2 for signal in repeats], axis=0)
+        squares += [float(square[stroke].sum()) for stroke in strokes]
+        samples += [len(repeats) * float(run.weight[stroke].sum()) for stroke in strokes]
     return StrokeSums(np.array(squares), np.array(samples))
 
 

@@ -28,7 +28,7 @@ class JudgedLog(NamedTuple):
 
 
 class StrokeSums(NamedTuple):
-    """Sums of squares over each half stroke (c,), of one model."""
+    """Sums of squares over each half stroke (c,), of one model; repeats of a half stroke are wrong alike: one sum."""
 
     squares: Array  # of the channel's unit
     samples: Array
@@ -57,21 +57,17 @@ def remaining(judged: Sequence[JudgedLog], rows: Sequence[Array]) -> float:
 def squares(judged: Sequence[JudgedLog], rows: Sequence[Array], channel: str) -> StrokeSums:
     """Measured less simulated of every log, summed over half strokes."""
     signals = [_difference(item.log, simulated, channel) for item, simulated in zip(judged, rows, strict=True)]
-    parts = _by_stroke(judged, signals)
-    return StrokeSums(np.array([float(part @ part) for part in parts]), _samples(parts))
+    return _by_stroke(judged, [signal * signal for signal in signals])
 
 
-def _by_stroke(judged: Sequence[JudgedLog], signals: Sequence[Array]) -> list[Array]:
-    """Valid rows of the `signals` (n,), one of each log, in each half stroke."""
-    return [
-        signal[stroke][log.valid[stroke]]
-        for (log, strokes), signal in zip(judged, signals, strict=True)
-        for stroke in strokes
-    ]
-
-
-def _samples(parts: Sequence[Array]) -> Array:
-    return np.array([float(len(part)) for part in parts])
+def _by_stroke(judged: Sequence[JudgedLog], squares: Sequence[Array]) -> StrokeSums:
+    """Sums of the valid rows of `squares` (n,), one of each log, over the half strokes of each experiment."""
+    sums: dict[tuple[str, int], Array] = {}
+    for (log, strokes), square in zip(judged, squares, strict=True):
+        for number, stroke in enumerate(strokes):
+            part, place = square[stroke][log.valid[stroke]], (log.experiment, number)
+            sums[place] = sums.get(place, np.zeros(2)) + np.array([part.sum(), len(part)])
+    return StrokeSums(*np.array([sums[place] for place in sorted(sums)]).reshape(-1, 2).T)
 
 
 def _difference(log: Log, simulated: Array, channel: str) -> Array:
@@ -87,14 +83,10 @@ def floor(judged: Sequence[JudgedLog], rows: Sequence[Array], channel: str) -> S
 
     Zeros where nothing was repeated.  A drift from repeat to repeat that the model predicts is no noise.
     """
-    by_name = {item.log.name: item for item in judged}
     pairs = zip((item.log for item in judged), rows, strict=True)
     residuals = {log.name: _difference(log, simulated, channel) for log, simulated in pairs}
     groups = by_experiment([item.log for item in judged])
-    logs = [log for repeats in groups.values() for log in repeats]
-    signals = [_apart(log, groups[log.experiment], residuals) for log in logs]
-    parts = _by_stroke([by_name[log.name] for log in logs], signals)
-    return StrokeSums(np.array([float(part.sum()) for part in parts]), _samples(parts))
+    return _by_stroke(judged, [_apart(item.log, groups[item.log.experiment], residuals) for item in judged])
 
 
 def _apart(log: Log, repeats: Sequence[Log], residuals: dict[str, Array]) -> Array:

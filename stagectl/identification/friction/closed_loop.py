@@ -59,12 +59,10 @@ def simulated(p: stage.Stage, servo: Servo, capture: Capture, substeps: int = th
     Raises IdentificationError where the capture has no reference, or the run is unstable.
     """
     if capture.reference is None:
-        raise IdentificationError(
-            f"{capture.name} has no reference, so it cannot be simulated in closed loop; record the reference with it",
-            Refusal.MISSING_COLUMN,
-            capture=capture.name,
-            value="reference",
+        text = (
+            f"{capture.name} has no reference, so it cannot be simulated in closed loop; record the reference with it"
         )
+        raise IdentificationError(text, Refusal.MISSING_COLUMN, capture=capture.name, value="reference")
     begin = float(motion(capture.position, capture).velocity[0])
     rows = np.empty((len(capture.reference), 2))
     before = float(capture.position[0]) - begin * capture.dt
@@ -98,7 +96,9 @@ def errors(run: Simulated, capture: Capture) -> SimulationErrors:
 def motion(position: Array, capture: Capture) -> FilteredMotion:
     """Position (n,), velocity and acceleration by the errors' own filter."""
     cutoff = min(thresholds.ERROR_CUTOFF, 0.4 / capture.dt)
-    return filtered_motion(position, FilterDesign(cutoff, 1, capture.dt))
+    smooth = filtered_motion(position, FilterDesign(cutoff, 1, capture.dt)).position
+    velocity = np.gradient(smooth, capture.dt)
+    return FilteredMotion(smooth, velocity, np.gradient(velocity, capture.dt))
 
 
 def _percent(simulated: Array, recorded: Array) -> float:

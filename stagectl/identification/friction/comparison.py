@@ -50,13 +50,12 @@ def names(fit: FrictionFit) -> list[tuple[str, str]]:
 def summary(fit: FrictionFit, basis: Basis) -> dict[str, Any]:
     """One member as JSON values."""
     values = (*fit.weights.tolist(), *fit.theta.tolist())
+    size = float(np.linalg.norm(basis.data.force(fit.delay)))
     return {
         "name": fit.name,
         "words": fit.member.words,
         "count": fit.member.size,
-        "force_residual_percent": 100.0
-        * math.sqrt(fit.residual_square)
-        / float(np.linalg.norm(basis.data.force(fit.delay))),
+        "force_residual_percent": 100.0 * math.sqrt(fit.residual_square) / size,
         "delay": fit.delay,
         "values": dict(zip((name for name, _ in names(fit)), values, strict=True)),
     }
@@ -72,9 +71,8 @@ def held_out(fit: FrictionFit, basis: Basis) -> dict[str, float]:
         again = fitted(fit.name, basis.data, used, fit)
         force = basis.data.force(again.delay)
         error = (force - fitted_force(again, basis.data))[~used]
-        residuals[name] = (
-            100.0 * float(np.linalg.norm(error) / np.linalg.norm(force[~used])) if len(error) else math.nan
-        )
+        share = float(np.linalg.norm(error) / np.linalg.norm(force[~used])) if len(error) else math.nan
+        residuals[name] = 100.0 * share
     return residuals
 
 

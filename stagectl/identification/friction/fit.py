@@ -19,11 +19,12 @@ from scipy.interpolate import CubicSpline
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, each
 from stagectl.identification.filtering import FilterDesign, decimated, design_filter, filtered_motion
 from stagectl.identification.friction.members import FAMILY, LENGTH, SPEED, Member, Path, Searched
 from stagectl.identification.least_squares.regression import check_directions
 from stagectl.identification.simultaneous.model import DelayPrior
+from stagectl.identification.simultaneous.refinement import tangent
 from stagectl.kernels import stage
 
 
@@ -73,30 +74,43 @@ class FrictionFit(NamedTuple):
         return float(self.residual @ self.residual)
 
 
-def prepared(captures: Sequence[Capture], file: StageFile, delay: DelayPrior) -> tuple[list[FilteredCapture], Scale]:
+class Data(NamedTuple):
+    """Rows that a member is fitted to."""
+
+    captures: Sequence[FilteredCapture]
+    scale: Scale
+    delay: DelayPrior
+
+    def force(self, delay: float) -> Array:
+        """Force (m,) N m | N of all captures at this delay (s)."""
+        return np.concatenate([capture.forces(delay) for capture in self.captures])
+
+    def rate(self, delay: float) -> Array:
+        """Change of the force (m,) with time, N m/s | N/s."""
+        return -np.concatenate([capture.forces(delay, 1) for capture in self.captures])
+
+
+def prepared(captures: Sequence[Capture], file: StageFile, delay: DelayPrior) -> Data:
     """The captures filtered, with their force at the delays that are looked at, and the scale of their motion.
 
     Raises IdentificationError where one is too short for the filter, or all go one way only.
     """
-    data, steps, velocities = [], [], []
-    for capture in captures:
-        try:
-            design = design_filter(capture.position, capture.dt)
-            motion = filtered_motion(capture.position, design)
-        except IdentificationError as error:
-            raise error.within(capture.name) from error
+    data, velocities = [], []
+    designs = each(captures, lambda capture: design_filter(capture.position, capture.dt), lambda done, total: None)
+    for capture, design in zip(captures, designs, strict=True):
+        motion = filtered_motion(capture.position, design)
         fixed = np.column_stack([motion.acceleration, motion.velocity, np.ones(len(capture.position))])
         forces = delayed_forces(capture, design, file.motor.force_constant, delay)
         data.append(FilteredCapture(Path(motion.position, capture.dt), design, decimated(fixed, design), forces))
-        steps.append(capture.encoder_step or _resolution(capture.position))
         velocities.append(motion.velocity)
     velocity = np.concatenate(velocities)
+    steps = [capture.encoder_step or _resolution(capture.position) for capture in captures]
     try:
         check_directions(velocity)
     except IdentificationError as error:
         raise error.within(", ".join(capture.name for capture in captures)) from error
     stroke = max(float(np.ptp(capture.position)) for capture in captures)
-    return data, Scale(max(steps), stroke, float(np.abs(velocity).max()))
+    return Data(data, Scale(max(steps), stroke, float(np.abs(velocity).max())), delay)
 
 
 def delayed_forces(capture: Capture, design: FilterDesign, gain: float, delay: DelayPrior) -> CubicSpline:
@@ -119,22 +133,6 @@ def delayed_forces(capture: Capture, design: FilterDesign, gain: float, delay: D
     current = CubicSpline(capture.time, gain * capture.current)
     late = np.clip(capture.time[:, None] - nodes, 0.0, capture.time[-1])
     return CubicSpline(nodes, decimated(current(late), design), axis=1)
-
-
-class Data(NamedTuple):
-    """Rows that a member is fitted to."""
-
-    captures: Sequence[FilteredCapture]
-    scale: Scale
-    delay: DelayPrior
-
-    def force(self, delay: float) -> Array:
-        """Force (m,) N m | N of all captures at this delay (s)."""
-        return np.concatenate([capture.forces(delay) for capture in self.captures])
-
-    def rate(self, delay: float) -> Array:
-        """Change of the force (m,) with time, N m/s | N/s."""
-        return -np.concatenate([capture.forces(delay, 1) for capture in self.captures])
 
 
 def fitted(
@@ -231,15 +229,7 @@ def fitted_force(fit: FrictionFit, data: Data) -> Array:
 
 def sensitivity(fit: FrictionFit, data: Data) -> Array:
     """Columns (m, t): how the model's force changes with the logarithm of each searched parameter."""
-    columns, step = [], thresholds.SENSITIVITY_STEP
-    for number in range(len(fit.theta)):
-        ends = []
-        for factor in (step, 1.0 / step):
-            theta = fit.theta.copy()
-            theta[number] *= factor
-            ends.append(fitted_force(fit._replace(theta=theta), data))
-        columns.append((ends[0] - ends[1]) / (2.0 * np.log(step)))
-    return np.array(columns).T.reshape(len(fit.residual), len(fit.theta))
+    return tangent(lambda theta: fitted_force(fit._replace(theta=theta), data), fit.theta, len(fit.residual))
 
 
 def _columns(member: Member, capture: FilteredCapture, theta: Array) -> Array:

@@ -16,14 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.compensation.derived import through
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
+from stagectl.identification.simultaneous.laws import SHAPE, bristle_columns, bundle_columns, lugre
 from stagectl.identification.thresholds import FRICTION_ELEMENTS, TABLE_ROWS
-from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
+from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, stage
 
 FORCE, STIFFNESS, DAMPING = "N m | N", "N m/rad | N/m", "N m s/rad | N s/m"
 LENGTH, SPEED = "rad | m", "rad/s | m/s"
-SHAPE = 2.0  # exponent of Stribeck's curve: Gaussian
 
 
 class Searched(NamedTuple):
@@ -66,9 +67,15 @@ NOTHING = friction.bundle([0.0], [1.0])
 
 
 def _sign(path: Path) -> Array:
-    out = np.empty((len(path.position), 1))
-    friction_path.static(friction_static.Static(1.0, 0.0, friction.Stribeck()), path.position, path.dt, out[:, 0])
-    return out
+    """Direction (n, 1) of the last motion; 0 before any."""
+    return _branches(path)[:, 1:2]
+
+
+def _branches(path: Path) -> Array:
+    """Way since the last reversal, direction, and 1 before the first reversal (n, 3)."""
+    state = np.empty((len(path.position), 3))
+    friction_path.branches(path.position, state)
+    return state
 
 
 def _stribeck_columns(path: Path, theta: Sequence[float]) -> Array:
@@ -77,24 +84,8 @@ def _stribeck_columns(path: Path, theta: Sequence[float]) -> Array:
     return np.column_stack([sign, sign[:, 0] * np.exp(-((speed / theta[0]) ** SHAPE))])
 
 
-def _bristle_columns(path: Path, p: friction_bristle.Bristle) -> Array:
-    out = np.empty((len(path.position), 2))
-    friction_path.bristle(p, path.position, path.dt, out)
-    return out
-
-
-def _unit_bristle(theta: Sequence[float]) -> friction_bristle.Bristle:
-    """LuGre of unit friction with this range, rise and speed."""
-    return friction_bristle.Bristle(1.0, 1.0 / theta[0], 1.0, 0.0, friction.Stribeck(theta[1], theta[2], SHAPE))
-
-
 def _gms_columns(path: Path, theta: Sequence[float]) -> Array:
-    p = friction.Gms(
-        friction.bundle([1.0] * FRICTION_ELEMENTS, slips(theta[0])), friction.Stribeck(theta[1], theta[2], SHAPE)
-    )
-    out = np.empty((len(path.position), FRICTION_ELEMENTS))
-    friction_path.operators(p, path.position, path.dt, out)
-    return out
+    return bundle_columns(*path, slips(theta[0]), friction.Stribeck(theta[1], theta[2], SHAPE))
 
 
 def _rheology_columns(path: Path, theta: Sequence[float]) -> Array:
@@ -106,9 +97,7 @@ def _rheology_columns(path: Path, theta: Sequence[float]) -> Array:
 
 def _table_columns(path: Path, theta: Sequence[float]) -> Array:
     """Column j rises from -1/2 to 1/2 between the rows j and j + 1 of the table; half of it, from 0, while virgin."""
-    state = np.empty((len(path.position), 3))
-    friction_path.branches(path.position, state)
-    travelled, direction, virgin = state.T
+    travelled, direction, virgin = _branches(path).T
     rows = nodes(theta[0])
     scale = 1.0 + virgin
     risen = np.clip((scale[:, None] * travelled[:, None] - rows[:-1]) / np.diff(rows), 0.0, 1.0)
@@ -123,15 +112,6 @@ def slips(longest: float) -> list[float]:
 def nodes(longest: float) -> Array:
     """Displacements of the table's rows (rad | m): 0, and geometrically up to `longest`."""
     return np.concatenate([[0.0], np.geomspace(longest / thresholds.SLIP_SPREAD, longest, TABLE_ROWS)])
-
-
-def bundled(displacement: Array, force: Array) -> friction.StopOperators:
-    """Stop operators whose curve from rest goes through these points, as far as it bends down only."""
-    slopes = np.diff(force) / np.diff(displacement)
-    bends = np.maximum(slopes - np.append(slopes[1:], 0.0), 0.0)
-    weight = bends * displacement[1:]
-    whole = float(np.sum(weight))
-    return friction.bundle(weight * (force[-1] / whole) if whole > 0.0 else weight, displacement[1:])
 
 
 def _coulomb_plant(w: Sequence[float], theta: Sequence[float], slip: float) -> stage.Friction:
@@ -149,7 +129,7 @@ def _dahl_plant(w: Sequence[float], theta: Sequence[float], slip: float) -> stag
 
 
 def _lugre_plant(w: Sequence[float], theta: Sequence[float], slip: float) -> stage.Friction:
-    unit = _unit_bristle(theta)
+    unit = lugre(theta)
     p = unit._replace(coulomb=w[0], stiffness=max(w[0], 1e-12) / theta[0], damping=w[1])
     return stage.Friction(NOTHING, friction.Stribeck(), p)
 
@@ -163,12 +143,12 @@ def _rheology_plant(w: Sequence[float], theta: Sequence[float], slip: float) -> 
     places = 0.5 * np.concatenate([[0.0], np.geomspace(1e-2, 1.0, 12)]) * theta[0]
     out = np.empty((len(places), 2))
     friction_path.rheology(p, places, 1.0, out)
-    return stage.Friction(bundled(places, out[:, 0]), friction.Stribeck())
+    return stage.Friction(through(places, out[:, 0]), friction.Stribeck())
 
 
 def _table_plant(w: Sequence[float], theta: Sequence[float], slip: float) -> stage.Friction:
     rows = nodes(theta[0])
-    return stage.Friction(bundled(0.5 * rows, 0.5 * np.concatenate([[0.0], np.cumsum(w)])), friction.Stribeck())
+    return stage.Friction(through(0.5 * rows, 0.5 * np.concatenate([[0.0], np.cumsum(w)])), friction.Stribeck())
 
 
 COULOMB = ("coulomb", FORCE)
@@ -179,14 +159,14 @@ FAMILY: dict[str, Member] = {
         "Dahl with exponent",
         (COULOMB,),
         (_LENGTHS, Searched("exponent", "", 0.3, 3.0)),
-        lambda path, theta: _bristle_columns(path, friction_bristle.Bristle(1.0, 1.0 / theta[0], theta[1]))[:, :1],
+        lambda path, theta: bristle_columns(*path, friction_bristle.Bristle(1.0, 1.0 / theta[0], theta[1]))[:, :1],
         _dahl_plant,
     ),
     "lugre": Member(
         "LuGre",
         (COULOMB, ("bristle_damping", DAMPING)),
         (_LENGTHS, _RISE, _SPEEDS),
-        lambda path, theta: _bristle_columns(path, _unit_bristle(theta)),
+        lambda path, theta: bristle_columns(*path, lugre(theta)),
         _lugre_plant,
     ),
     "gms": Member(

@@ -16,7 +16,6 @@ from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction import closed_loop, comparison
 from stagectl.identification.friction.comparison import FIRST, Basis, bic
 from stagectl.identification.friction.fit import (
-    Data,
     FrictionFit,
     fitted,
     plant,
@@ -26,11 +25,10 @@ from stagectl.identification.friction.fit import (
 from stagectl.identification.friction.members import FAMILY
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.identification.simultaneous.estimate import known_delay
-from stagectl.identification.simultaneous.model import DelayPrior
 from stagectl.identification.thresholds import NORMAL_95
 from stagectl.kernels import stage
 from stagectl.number_format import percent
-from stagectl.units import Quantity
+from stagectl.units import unit_on
 
 NOTED_CHANGE = 1e-4  # s of delay, whose effect the note gives
 LAW = {"dahl": "dahl", "lugre": "lugre"}  # in a stage file; all others become stop operators
@@ -47,7 +45,7 @@ def identify(
     Each member has its own `delay` (s) between current and position where it is None.
     Raises IdentificationError where the captures do not determine inertia and friction.
     """
-    basis = _basis(captures, file, delay)
+    basis = Basis(prepared(captures, file, known_delay(captures, file, delay)), captures, file)
     fits: list[FrictionFit] = []
     rows: list[dict[str, Any]] = []
     for number, name in enumerate(FAMILY):
@@ -72,19 +70,13 @@ def identify(
     return result._replace(details=details, notes=(*notes, *result.notes))
 
 
-def _basis(captures: list[Capture], file: StageFile, delay: float | None) -> Basis:
-    """The captures filtered, with what is known of the delay."""
-    known = known_delay(captures, file) if delay is None else DelayPrior(delay, 0.0)
-    return Basis(Data(*prepared(captures, file, known), known), captures, file)
-
-
 def _result(fit: FrictionFit, basis: Basis) -> IdentificationResult:
     """Values with their intervals; a parameter that is not identifiable has its bounds for an interval, and a note."""
     covariance, per_second = _covariance(fit, basis)
     count, axis = len(fit.weights), basis.file.axis.kind
     parameters, notes = {}, []
     for number, (name, unit) in enumerate(comparison.names(fit)):
-        si, spread = Quantity(unit, "", "").unit_for(axis), NORMAL_95 * math.sqrt(covariance[number, number])
+        si, spread = unit_on(axis, unit), NORMAL_95 * math.sqrt(covariance[number, number])
         if number < count:
             value = float(fit.weights[number])
             low = value - spread if name == "offset" else max(value - spread, 0.0)

@@ -14,8 +14,13 @@ from collections.abc import Callable
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture, IdentificationError, each
-from stagectl.identification.least_squares.model import RegressionModel, reported_estimates
-from stagectl.identification.least_squares.regression import FilteredRecord, RegressionResult, filtered, solved
+from stagectl.identification.least_squares.regression import (
+    FilteredRecord,
+    RegressionModel,
+    RegressionResult,
+    filtered,
+    solved,
+)
 from stagectl.identification.result import IdentificationResult, Parameter, Progress
 from stagectl.identification.thresholds import NORMAL_95
 
@@ -45,15 +50,13 @@ def identify(
         result = _without_noise(at(1.0, progress), lambda share: at(share, lambda done, total: None))
     except IdentificationError as error:
         raise error if error.capture else error.within(", ".join(capture.name for capture in captures)) from error
-    values, covariance = result.solution
-    estimates, correlation = reported_estimates(model, values, covariance, covariance)
     parameters = {
         name: Parameter.named(name, file.axis.kind, estimate.value, NORMAL_95 * estimate.deviation)
-        for name, estimate in estimates.items()
+        for name, estimate in result.estimates.items()
     }
     details = {
         "force_residual_percent": result.residual_percent,
-        "correlation": correlation.tolist(),
+        "correlation": result.correlation.tolist(),
         "condition": result.condition,
     }
     changes = {f"mechanics.{name}": parameters[name].value for name in ("inertia", "viscous")}
@@ -61,13 +64,18 @@ def identify(
 
 
 def _without_noise(found: RegressionResult, at: Callable[[float], RegressionResult]) -> RegressionResult:
-    """`found`, or the regression `at` a share of its cut-off from which on the inertia keeps its value."""
+    """`found`, or the regression `at` a share of its cut-off from which on the inertia grows no more.
+
+    Noise of the position makes the inertia smaller, and less of it makes it larger; what makes it smaller with a lower
+    cut-off is no noise.
+    """
     share = 0.5
     while True:
         try:
             lower = at(share)
         except IdentificationError:  # the records are too short to tell
             return found
-        if abs(lower.inertia.value - found.inertia.value) <= NORMAL_95 * lower.inertia.deviation:
+        inertia = lower.estimates["inertia"]
+        if inertia.value - found.estimates["inertia"].value <= NORMAL_95 * inertia.deviation:
             return found
         found, share = lower, 0.5 * share

@@ -31,34 +31,65 @@ from numpy.typing import NDArray
 
 from stagectl.identification import standard_errors, thresholds
 from stagectl.identification.capture import Array, IdentificationError, Refusal
-from stagectl.identification.filtering import FilterDesign, decimated, design_filter, filtered_motion
-from stagectl.identification.least_squares.model import ALWAYS, Estimate, RegressionModel, reported_estimates
+from stagectl.identification.filtering import FilterDesign, FilteredMotion, decimated, design_filter, filtered_motion
 from stagectl.identification.result import Note, Topic
 from stagectl.number_format import duration
+
+
+class Estimate(NamedTuple):
+    """A parameter and how well the record determines it."""
+
+    value: float
+    deviation: float  # standard deviation, for the residual as it is
+
+
+class RegressionModel(NamedTuple):
+    """Which columns the regression has beyond the usual four."""
+
+    gravity: bool = False
+    directions: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Reported parameters, the usual four first."""
+        both = ("viscous_forward", "viscous_backward", "coulomb_forward", "coulomb_backward")
+        return (
+            *("inertia", "viscous", "coulomb", "offset"),
+            *(both if self.directions else ()),
+            *(("gravity_sine", "gravity_cosine") if self.gravity else ()),
+        )
+
+    def columns(self, motion: FilteredMotion) -> Array:
+        """Columns (n, k) of the regression."""
+        v, sign = motion.velocity, np.sign(motion.velocity)
+        if self.directions:
+            forward = v > 0.0
+            friction = [v * forward, v * ~forward, forward.astype(float), -(v < 0.0).astype(float)]
+        else:
+            friction = [v, sign, np.ones(len(v))]
+        gravity = [np.sin(motion.position), np.cos(motion.position)] if self.gravity else []
+        return np.column_stack([motion.acceleration, *friction, *gravity])
+
+    def reported(self) -> Array:
+        """Matrix from the regression's parameters to those of `names`; of directions, mean and half difference."""
+        if not self.directions:
+            return np.eye(6 if self.gravity else 4)
+        rows = [[1, 0, 0, 0, 0], [0, 0.5, 0.5, 0, 0], [0, 0, 0, 0.5, 0.5], [0, 0, 0, 0.5, -0.5], *np.eye(5)[1:]]
+        matrix = np.zeros((8 + 2 * self.gravity, 5 + 2 * self.gravity))
+        matrix[:8, :5] = rows
+        matrix[8:, 5:] = np.eye(2 * self.gravity)
+        return matrix
 
 
 class RegressionResult(NamedTuple):
     """Parameters in the units of force (N | N m) over those of position (m | rad)."""
 
-    inertia: Estimate  # M, kg | kg m^2
-    viscous: Estimate  # Fv, N s/m | N m s/rad
-    coulomb: Estimate  # Fc, N | N m
-    offset: Estimate  # N | N m, positive where standing still would need a positive force
+    estimates: dict[str, Estimate]  # by the model's names; an offset above 0: standing still needs a positive force
     residual_percent: float  # norm of the force residual over norm of the force, both filtered and decimated
     condition: float  # of the regressor with columns of unit length, so that it has no units
-    correlation: Array  # (4, 4) of the estimates, in the order above
-    more: dict[str, Estimate]  # of the directions, of gravity
-    solution: tuple[Array, Array]  # (k,) and (k, k): parameters of the regression, and their covariance
-    notes: tuple[str, ...]
-
-
-class Rows(NamedTuple):
-    """All records as one regression."""
-
-    regressor: Array  # (m, k)
-    force: Array  # (m,) N m | N
-    weight: Array  # (m,)
-    ends: NDArray[np.int64]  # rows at which one record ends and the next begins
+    correlation: Array  # (4, 4) of the usual four
+    residual: Array  # (m,) N m | N
+    notes: tuple[str, ...] = ()
 
 
 class FilteredRecord(NamedTuple):
@@ -69,19 +100,6 @@ class FilteredRecord(NamedTuple):
     share: Array  # (m,) of the way since the last reversal, see `travelled`
     velocity: Array  # (n,) of all rows
     notes: list[str]
-
-
-def least_squares(
-    position: Array,
-    force: Array,
-    dt: float,
-    model: RegressionModel = RegressionModel(),  # noqa: B008
-) -> RegressionResult:
-    """Parameters of `force` (n,) N m | N that moves `position` (n,) rad | m, a row every `dt` (s).
-
-    Raises as `filtered` and `solved` do.
-    """
-    return solved([filtered(position, force, dt, model)], model)
 
 
 def filtered(position: Array, force: Array, dt: float, model: RegressionModel, cutoff: float = 1.0) -> FilteredRecord:
@@ -109,9 +127,9 @@ def solved(records: Sequence[FilteredRecord], model: RegressionModel) -> Regress
     force = np.concatenate([record.force for record in records])
     ends = np.cumsum([len(record.force) for record in records])[:-1]
     weight = _weight(regressor, force, ends) if len(records) > 1 else np.ones(len(force))
-    result = _solved(Rows(regressor, force, weight, ends), model)
+    result = _solved(model, regressor, force, weight, ends)
     share = np.concatenate([record.share for record in records])
-    doubt = after_reversals(force - regressor @ result.solution[0], share, result.coulomb.value)
+    doubt = after_reversals(result.residual, share, result.estimates["coulomb"].value)
     notes = dict.fromkeys(note for record in records for note in record.notes)  # each once
     return result._replace(notes=(*notes, doubt) if doubt else tuple(notes))
 
@@ -187,10 +205,15 @@ def _treatment(design: FilterDesign, standing: float) -> list[str]:
     return notes
 
 
-def _solved(rows: Rows, model: RegressionModel) -> RegressionResult:
-    """Solve with columns of unit length: neither rounding nor the condition depends on the units."""
-    length = np.linalg.norm(rows.regressor, axis=0)
-    condition = float(np.linalg.cond(rows.regressor / length)) if np.all(length > 0.0) else math.inf
+def _solved(
+    model: RegressionModel, regressor: Array, force: Array, weight: Array, ends: NDArray[np.int64]
+) -> RegressionResult:
+    """Solve for rows (m,) with columns of unit length: neither rounding nor the condition depends on the units.
+
+    `ends` are the rows at which one record ends and the next begins.
+    """
+    length = np.linalg.norm(regressor, axis=0)
+    condition = float(np.linalg.cond(regressor / length)) if np.all(length > 0.0) else math.inf
     if not condition <= thresholds.WORST_CONDITION:
         raise IdentificationError(
             f"condition of the regressor = {condition:.3g}; must lie in [1, {thresholds.WORST_CONDITION:g}]: the "
@@ -199,16 +222,21 @@ def _solved(rows: Rows, model: RegressionModel) -> RegressionResult:
             value=condition,
             admissible=f"[1, {thresholds.WORST_CONDITION:g}]",
         )
-    unit, force = rows.weight[:, None] * rows.regressor / length, rows.weight * rows.force
-    scaled, *_ = np.linalg.lstsq(unit, force, rcond=None)
-    values, residual = scaled / length, force - unit @ scaled
-    robust = standard_errors.covariance(unit, residual, rows.ends) / np.outer(length, length)
-    white = standard_errors.white(unit, residual) / np.outer(length, length)
-    estimates, correlation = reported_estimates(model, values, robust, white)
-    share = 100.0 * float(np.linalg.norm(residual / rows.weight) / np.linalg.norm(rows.force))
-    inertia, viscous, coulomb, offset = (estimates.pop(name) for name in ALWAYS)
-    solution = (values, robust)
-    return RegressionResult(inertia, viscous, coulomb, offset, share, condition, correlation, estimates, solution, ())
+    unit, weighted = weight[:, None] * regressor / length, weight * force
+    scaled, *_ = np.linalg.lstsq(unit, weighted, rcond=None)
+    values, residual = scaled / length, weighted - unit @ scaled
+    matrix = model.reported()
+    covariance = standard_errors.covariance(unit, residual, ends) / np.outer(length, length)
+    reported = matrix @ covariance @ matrix.T
+    deviation = np.sqrt(np.diag(reported))
+    estimates = map(Estimate, (matrix @ values).tolist(), deviation.tolist())
+    return RegressionResult(
+        dict(zip(model.names, estimates, strict=True)),
+        100.0 * float(np.linalg.norm(residual / weight) / np.linalg.norm(force)),
+        condition,
+        reported[:4, :4] / np.outer(deviation[:4], deviation[:4]),
+        force - regressor @ values,
+    )
 
 
 def check_directions(velocity: Array) -> None:

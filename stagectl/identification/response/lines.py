@@ -110,27 +110,21 @@ def _span(capture: Capture, span: dict[str, Any], file: StageFile) -> Curve:
     frequency = frequency[frequency < highest]
     if not len(frequency):
         lowest = float(span["frequencies"][0])
-        raise IdentificationError(
+        text = (
             f"{lowest:g} Hz and more was excited; a sampling time of {capture.dt:g} s "
-            f"shows lines below {highest:g} Hz: excite lower, or sample faster",
-            Refusal.SAMPLING,
-            value=lowest,
-            unit="Hz",
-            admissible=f"(0, {highest:g})",
+            f"shows lines below {highest:g} Hz: excite lower, or sample faster"
         )
+        raise IdentificationError(text, Refusal.SAMPLING, value=lowest, unit="Hz", admissible=f"(0, {highest:g})")
     period = 1.0 / base_frequency(frequency)
     first = math.ceil(span["start"] / capture.dt - 1e-6)
     available = min(span["end"], float(capture.time[-1])) - first * capture.dt
     periods = int(available / period + 1e-6)
     if periods < 1:
-        raise IdentificationError(
+        text = (
             f"{max(available, 0.0):.4g} s are left of the excitation from {span['start']:g} s on; "
-            f"must be at least one period, {period:g} s: record longer",
-            Refusal.TOO_SHORT,
-            value=available,
-            unit="s",
-            admissible=f"[{period:g}, inf)",
+            f"must be at least one period, {period:g} s: record longer"
         )
+        raise IdentificationError(text, Refusal.TOO_SHORT, value=available, unit="s", admissible=f"[{period:g}, inf)")
     if len(frequency) == 1:  # in a period of a few samples a sine cannot be separated from the mean
         together = min(periods, math.ceil(thresholds.SINE_SAMPLES * capture.dt / period))
         period, periods = period * together, periods // together
@@ -146,13 +140,11 @@ def _curve(capture: Capture, span: dict[str, Any], measured: tuple[Array, Spectr
     power = np.mean(np.abs(instrument) ** 2, axis=0)
     if not np.all(np.abs(through) > thresholds.LEAST_EXCITATION**2):
         missing = float(frequency[int(np.argmin(np.abs(through)))])
-        raise IdentificationError(
+        text = (
             f"the current between {span['start']:g} and {span['end']:g} s holds no {missing:g} Hz, "
-            "which was excited according to the record: was the drive enabled?",
-            Refusal.NO_EXCITATION,
-            value=missing,
-            unit="Hz",
+            "which was excited according to the record: was the drive enabled?"
         )
+        raise IdentificationError(text, Refusal.NO_EXCITATION, value=missing, unit="Hz")
     response = across / through
     coherence, deviation = np.full((2, len(frequency)), math.nan)
     if periods > 1:

@@ -126,11 +126,8 @@ def _fitted(merged: list[Curve], file: StageFile) -> list[ConditionFit]:
         free.append(ConditionFit("axis kept moving", fits.with_delay(p, "delay"), moving[-1].amplitude))
     fitted = biased + sorted(free, key=lambda entry: -entry.fit.covariance[1, 1])
     if not fitted:
-        raise IdentificationError(
-            f"no condition has {thresholds.LEAST_LINES} sound lines: record more frequencies at one amplitude",
-            Refusal.TOO_FEW_LINES,
-            admissible=f"[{thresholds.LEAST_LINES}, inf)",
-        )
+        text = f"no condition has {thresholds.LEAST_LINES} sound lines: record more frequencies at one amplitude"
+        raise IdentificationError(text, Refusal.TOO_FEW_LINES, admissible=f"[{thresholds.LEAST_LINES}, inf)")
     return fitted
 
 

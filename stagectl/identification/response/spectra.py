@@ -93,9 +93,8 @@ def sine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> Spectr
         turn = 2.0 * np.pi * frequency[0] * capture.dt * np.arange(a, b)[:, None] * np.arange(1, count + 1)
         basis = np.hstack([np.ones((b - a, 1)), np.cos(turn), np.sin(turn)])
         weighted = basis.T * window
-        fit = np.linalg.solve(
-            weighted @ basis, weighted @ columns[a:b]
-        )  # nearly orthogonal, so the normal equations suffice
+        # Nearly orthogonal, so the normal equations suffice.
+        fit = np.linalg.solve(weighted @ basis, weighted @ columns[a:b])
         spectra.append(fit[1 : count + 1] - 1j * fit[count + 1 :])
     lines = np.array(spectra)  # (segments, harmonics, columns)
     mean = np.mean(lines[:, :, 0], axis=0)

@@ -44,12 +44,8 @@ def identify(
     friction.
     """
     if form not in FORMS:
-        raise IdentificationError(
-            f"form = {form}; must be one of {', '.join(FORMS)}",
-            Refusal.UNKNOWN_OPTION,
-            value=form,
-            admissible=", ".join(FORMS),
-        )
+        text = f"form = {form}; must be one of {', '.join(FORMS)}"
+        raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=form, admissible=", ".join(FORMS))
     usable, left_out = accepted(captures, lambda capture: reversals(capture, file))
     data = gathered(usable)
     fits: dict[bool, dict[str, FormFit]] = {True: {}, False: {}}  # with and without the physical bounds on Cs

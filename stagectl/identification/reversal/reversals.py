@@ -100,14 +100,11 @@ def reversals(capture: Capture, file: StageFile) -> Reversals:
 def _check_sampling(capture: Capture) -> None:
     slowest = thresholds.SLOWEST_REVERSAL_SAMPLING
     if not 0.0 < capture.dt <= slowest:
-        raise IdentificationError(
+        text = (
             f"sampling time = {capture.dt * 1e3:g} ms; must lie in (0, {slowest * 1e3:g}] ms: "
-            "a reversal is over in some 20 ms; record at a higher rate",
-            Refusal.SAMPLING,
-            value=capture.dt,
-            unit="s",
-            admissible=f"(0, {slowest:g}]",
+            "a reversal is over in some 20 ms; record at a higher rate"
         )
+        raise IdentificationError(text, Refusal.SAMPLING, value=capture.dt, unit="s", admissible=f"(0, {slowest:g}]")
 
 
 def _smoothed(capture: Capture, file: StageFile) -> tuple[SmoothedMotion, tuple[str, ...]]:

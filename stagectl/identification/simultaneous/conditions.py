@@ -13,14 +13,16 @@ import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
-from stagectl.identification.simultaneous.regressors import (
+from stagectl.identification.capture import Capture, IdentificationError, Refusal
+from stagectl.identification.simultaneous.windows import (
     HALF,
     KNOTS,
     acceleration,
     knots,
     position_noise,
+    reversals,
     shortest_knots,
+    widest,
     window,
 )
 from stagectl.number_format import duration, length, percent
@@ -66,13 +68,11 @@ def _check_reversals(capture: Capture) -> None:
     """The paper's two conditions."""
     stroke = float(np.ptp(capture.position))
     if reversals(capture.position, thresholds.REVERSAL_TRAVEL * stroke) == 0:
-        raise IdentificationError(
+        text = (
             "the motion has 0 reversals; must have at least 1, as without one the rolling friction "
-            "does not appear (first condition of the paper): record a motion there and back, such as a current sine",
-            Refusal.NO_REVERSAL,
-            value=0,
-            admissible="[1, inf)",
+            "does not appear (first condition of the paper): record a motion there and back, such as a current sine"
         )
+        raise IdentificationError(text, Refusal.NO_REVERSAL, value=0, admissible="[1, inf)")
     if not _same_sign(capture):
         raise IdentificationError(
             "the motion has no span in which velocity and acceleration have the same sign; must have one, as an "
@@ -85,12 +85,12 @@ def _check_reversals(capture: Capture) -> None:
 def _check_acceleration(capture: Capture, file: StageFile) -> None:
     """The acceleration must not be lost in noise, nor in the window that noise or sampling require."""
     share, span, rows = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt, shortest_knots(capture)
-    widest = _widest(capture)
-    if span <= widest and share <= thresholds.LOST_ACCELERATION:
+    longest_window = widest(capture)
+    if span <= longest_window and share <= thresholds.LOST_ACCELERATION:
         return
     moved = f"the axis moves by {_travel(float(np.ptp(capture.position)), file)}"
     lost, most = percent(share), percent(thresholds.LOST_ACCELERATION)
-    longest = f"{1e3 * widest:.0f} ms"
+    longest = f"{1e3 * longest_window:.0f} ms"
     larger = (
         "the motion must go beyond presliding (first condition of the paper), and be fast enough to determine the "
         "inertia: record a larger or faster one"
@@ -104,7 +104,7 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
             f"{longest}): sampled too slowly to resolve its reversals; sample every "
             f"{duration(thresholds.FAST_SAMPLING)} or faster, or use least-squares"
         )
-    elif span > widest:
+    elif span > longest_window:
         text = (
             f"; its acceleration must be averaged over {1e3 * span:.3g} ms to rise above the noise of the position, "
             f"and reversals as frequent as its own can be seen with at most {longest}: {larger}"
@@ -118,13 +118,6 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
     raise IdentificationError(moved + text, reason, value=share, admissible=limit)
 
 
-def _widest(capture: Capture) -> float:
-    """Longest time (s) over which an acceleration may be averaged: the slower the motion, the longer."""
-    strokes = 1 + reversals(capture.position, thresholds.REVERSAL_TRAVEL * float(np.ptp(capture.position)))
-    stroke = len(capture.position) * capture.dt / strokes
-    return max(thresholds.LONGEST_WINDOW, thresholds.WINDOW_SHARE * stroke)
-
-
 def _check_power(capture: Capture) -> None:
     """Friction takes energy, so on average the current must push the way the axis moves."""
     q = knots(capture)
@@ -134,14 +127,12 @@ def _check_power(capture: Capture) -> None:
     share = float(np.mean(velocity * current)) / size if size > 0.0 else 0.0
     if share >= thresholds.BRAKED:
         return
-    raise IdentificationError(
+    text = (
         f"current and velocity have opposite signs (correlation {share:.2f}; must be at least "
         f"{thresholds.BRAKED:g}), which would make friction negative; positive current must move the axis towards "
-        "positive positions: turn the sign of one of the two columns",
-        Refusal.OPPOSITE_SIGN,
-        value=share,
-        admissible=f"[{thresholds.BRAKED:g}, 1]",
+        "positive positions: turn the sign of one of the two columns"
     )
+    raise IdentificationError(text, Refusal.OPPOSITE_SIGN, value=share, admissible=f"[{thresholds.BRAKED:g}, 1]")
 
 
 def _travel(value: float, file: StageFile) -> str:
@@ -154,22 +145,6 @@ def _noise_share(capture: Capture) -> float:
     weights = window(q, capture.dt, 2)
     rms = float(np.sqrt(np.mean(acceleration(capture, q) ** 2)))
     return position_noise(capture) * math.sqrt(float(weights @ weights)) / max(rms, 1e-300)
-
-
-def reversals(position: Array, travel: float) -> int:
-    """Number of reversals with at least this `travel` before and after them."""
-    count, heading, outermost = 0, 0, float(position[0])
-    lowest = highest = outermost
-    for x in position[:: max(1, len(position) // 5000)].tolist():
-        lowest, highest = min(lowest, x), max(highest, x)
-        if heading == 0:
-            heading = 1 if x - lowest >= travel else -1 if highest - x >= travel else 0
-            outermost = x
-        elif heading * (x - outermost) > 0.0:
-            outermost = x
-        elif heading * (outermost - x) >= travel:
-            count, heading, outermost = count + 1, -heading, x
-    return count
 
 
 def _same_sign(capture: Capture) -> bool:

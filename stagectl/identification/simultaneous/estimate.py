@@ -66,8 +66,10 @@ class Estimate(NamedTuple):
         return before > 0.0 and self.parameters[name].half > thresholds.NOT_EXCITED * before
 
 
-def known_delay(captures: list[Capture], file: StageFile) -> DelayPrior:
-    """The delay from the current column to the position as the stage file has it, and its doubt."""
+def known_delay(captures: list[Capture], file: StageFile, given: float | None) -> DelayPrior:
+    """The delay from the current column to the position as the stage file has it, and its doubt; or the one `given`."""
+    if given is not None:
+        return DelayPrior(given, 0.0)
     drive, period = file.drive, file.control.period
     late = 0.0
     if any(capture.current_column != "measured_current" for capture in captures):
@@ -80,7 +82,8 @@ def estimated(answer: Answer) -> Estimate:
     p = answer.problem
     sums = _sums(p)
     mean, covariance = answer.moments(sums)
-    per_delay = _per_delay(p, answer, sums)
+    changes = cho_solve(answer.best.known.factor, answer.power * _slope(p, answer))
+    per_delay = np.append(sums @ changes, 1.0)
     shift = _answered_noise(p, answer, sums, per_delay * covariance[-1, -1])
     mean, covariance = mean - shift, covariance + thresholds.OTHER_LOOP**2 * np.outer(shift, shift)
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -106,12 +109,6 @@ def _slope(p: Problem, answer: Answer) -> Array:
     middle, step = float(answer.best.delays[answer.best.best]), thresholds.DELAY_STEP
     ends = p.forces(np.array([middle - step, middle + step]))
     return np.asarray((ends.right[:, 1] - ends.right[:, 0]) / (2.0 * step))
-
-
-def _per_delay(p: Problem, answer: Answer, sums: Array) -> Array:
-    """(5,) change of each parameter per second of delay, at the best scales."""
-    change = cho_solve(answer.best.known.factor, answer.power * _slope(p, answer))
-    return np.append(sums @ change, 1.0)
 
 
 def _answered_noise(p: Problem, answer: Answer, sums: Array, with_delay: Array) -> Array:

@@ -41,7 +41,7 @@ from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous import temper
 from stagectl.identification.simultaneous.model import Forces, Problem, Scales
 from stagectl.identification.simultaneous.regressors import ACCELERATION
-from stagectl.identification.simultaneous.sensor_noise import rounding_noise
+from stagectl.identification.simultaneous.sensor_noise import current_noise, rounding_noise
 
 
 class Fit(NamedTuple):
@@ -128,7 +128,8 @@ def _residual(p: Problem, fit: Fit, forces: Forces) -> Array:
 
 def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
     """The problem without the noise of its acceleration, as far as the motion still determines the inertia."""
-    full, sensed, rounded = p.gram, p.sensed(p.whitening.response), rounding_noise(p.parts, p.whitening.response)
+    full, rounded = p.gram, rounding_noise(p.parts, p.whitening.response)
+    sensed = p.file.motor.force_constant**2 * current_noise(p.parts, p.whitening.response)
     most = thresholds.MOST_NOISE * _alone(full, ACCELERATION)
     for _ in range(thresholds.NOISE_ROUNDS):
         fit = _settled(p, forces, scales, _rough_variance(p, forces))
@@ -161,16 +162,11 @@ def _fit(p: Problem, forces: Forces, scales: Scales, worth: float, variance: flo
         gaussian.Sums(power * p.gram, power * forces.right, power * forces.square), p.prior(scales)
     )
     inertia = np.maximum(known.mean[ACCELERATION], thresholds.LEAST_INERTIA * p.file.mechanics.inertia)
-    square = np.maximum(p.residual_square(known.mean, forces), _least_square(forces))
+    square = p.residual_square(known.mean, forces)
     log_weight = known.log_evidence + 0.5 * power * (square - p.acceleration_noise * inertia**2)
     log_weight += independent * (p.moved_share * np.log(inertia) - 0.5 * np.log(square))
     log_weight += p.delay.log_density(forces.delays)
     return Fit(scales, forces.delays, known, log_weight, variance)
-
-
-def _least_square(forces: Forces) -> Array:
-    """Sum of squares (k,) that rounding leaves."""
-    return thresholds.LEAST_RESIDUAL**2 * forces.square
 
 
 def _searched(p: Problem, forces: Forces) -> list[Fit]:
@@ -201,7 +197,7 @@ def _settled(p: Problem, forces: Forces, scales: Scales, variance: float) -> Fit
     """The fit whose residual has the variance that it assumes."""
     for _ in range(thresholds.NOISE_ROUNDS):
         fit = _fit(p, forces, scales, thresholds.WINDOW_CORRELATION, variance)
-        square = np.maximum(p.residual_square(fit.known.mean, forces), _least_square(forces))
+        square = p.residual_square(fit.known.mean, forces)
         before, variance = variance, float(square[fit.best]) / len(p.white)
         if abs(variance / before - 1.0) < thresholds.NOISE_AGREES:
             break

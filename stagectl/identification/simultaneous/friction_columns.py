@@ -15,27 +15,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous.regressors import (
-    ACCELERATION,
-    HALF,
-    VELOCITY,
-    Part,
-    Rows,
-    coarse,
-    resolution,
-    smoothed,
-    track,
-    window,
-)
-from stagectl.kernels import presliding
-from stagectl.kernels.jit import kernel
+from stagectl.identification.simultaneous.regressors import ACCELERATION, VELOCITY, Part, coarse, track
+from stagectl.identification.simultaneous.windows import HALF, Rows, resolution, smoothed, window
+from stagectl.kernels import friction_bristle, friction_path, presliding
 
 
 class Shapes(NamedTuple):
@@ -156,15 +145,15 @@ def columns(p: Path, s: Shapes) -> Array:
 def _columns(p: Path, s: Shapes) -> Iterator[Array]:
     for slip in s.slip:
         yield p.smoothed(operator(p.position, slip))
-    for exponent in (1.0, 2.0):
-        for length in s.length:
-            yield p.smoothed(_bristle(p.position, length, exponent))
+    bent = [_bristle(p.position, length, 1.0) for length in s.length]
+    for state in (*bent, *(_bristle(p.position, length, 2.0) for length in s.length)):
+        yield p.smoothed(state)
     for slip in s.graded:
         state = operator(p.position, slip)
         for speed in s.speed:
             yield p.smoothed(state * np.exp(-np.abs(p.velocity) / speed))
-    for length in s.length:
-        yield _unit(p.smoothed(_bristle(p.position, length, 1.0), 1))
+    for state in bent:
+        yield _unit(p.smoothed(state, 1))
     state = operator(p.position, float(s.graded[0]))
     for speed in s.speed:
         yield _unit(p.smoothed(state * np.exp(-np.abs(p.velocity) / speed), 1))
@@ -178,26 +167,13 @@ def _unit(column: Array) -> Array:
 
 def operator(x: Array, slip: float) -> Array:
     """State (n,) of one stop operator along `x` (n,), from rest."""
-    states = np.zeros((1, len(x)))
-    led = np.concatenate([x[:1], x[:1], x, x[-1:]])
-    presliding.strains(np.array([1.0 / slip]), np.zeros(1), led, states)
-    return np.asarray(states[0], dtype=np.float64)
+    states = np.empty(len(x))
+    presliding.strain(1.0 / slip, np.concatenate([x[:1], x[:1], x, x[-1:]]), states)
+    return states
 
 
 def _bristle(x: Array, length: float, exponent: float) -> Array:
     """State (n,) of one bristle of Dahl's law along `x` (n,), from rest."""
-    states = np.zeros(len(x))
-    _bend(x, 1.0 / length, exponent, states)
-    return states
-
-
-@kernel
-def _bend(x: Any, rate: float, exponent: float, out: Any) -> None:
-    """Fill `out` (n,): ``dz/dx = |w|^n sgn(w)`` with ``w = 1 - sgn(v) z``, exact in each step, n = 1 or 2."""
-    for k in range(1, len(x)):
-        dx = x[k] - x[k - 1]
-        side = 1.0 if dx > 0.0 else -1.0
-        left = 1.0 - side * out[k - 1]
-        move = rate * abs(dx)
-        left = left * math.exp(-move) if exponent == 1.0 else left / (1.0 + abs(left) * move)
-        out[k] = side * (1.0 - left) if dx != 0.0 else out[k - 1]
+    columns = np.empty((len(x), 2))
+    friction_path.bristle(friction_bristle.Bristle(1.0, 1.0 / length, exponent), x, 1.0, columns)
+    return columns[:, 0]

@@ -28,15 +28,8 @@ from stagectl.identification.simultaneous import conditions, notes
 from stagectl.identification.simultaneous.estimate import NAMES, Estimate, estimated, known_delay
 from stagectl.identification.simultaneous.evidence import answered
 from stagectl.identification.simultaneous.model import DelayPrior, problem
-from stagectl.identification.simultaneous.regressors import (
-    ACCELERATION,
-    FREE,
-    VELOCITY,
-    Part,
-    knots,
-    part,
-    thinned,
-)
+from stagectl.identification.simultaneous.regressors import ACCELERATION, FREE, VELOCITY, Part, part, thinned
+from stagectl.identification.simultaneous.windows import knots
 from stagectl.units import ROTARY
 
 
@@ -54,16 +47,14 @@ def identify(
     where no capture meets the paper's two conditions, or a linear axis is to have gravity in its angle.
     """
     if gravity and file.axis.kind != ROTARY:
-        raise IdentificationError(
+        text = (
             f"--gravity is in the angle of a rotary axis, {file.name} is {file.axis.kind}: there gravity is the "
-            "offset; leave it out",
-            Refusal.UNKNOWN_OPTION,
-            value=file.axis.kind,
-            admissible=ROTARY,
+            "offset; leave it out"
         )
+        raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=file.axis.kind, admissible=ROTARY)
     used, left_out = accepted(captures, lambda capture: conditions.checked(capture, file))
     progress(1, 5)
-    known = known_delay(used, file) if delay is None else DelayPrior(delay, 0.0)
+    known = known_delay(used, file, delay)
     rows = problem(_parts(used, known), file, known, gravity)
     progress(3, 5)
     fitted = estimated(answered(rows))

@@ -26,13 +26,13 @@ from stagectl.identification.simultaneous.regressors import (
     Part,
     coarse,
     currents,
-    resolution,
     ripple_shares,
     stepped,
     window_correlation,
 )
 from stagectl.identification.simultaneous.sensor_noise import current_noise, rounding_noise
 from stagectl.identification.simultaneous.whitening import Whitening
+from stagectl.identification.simultaneous.windows import resolution
 from stagectl.units import ROTARY
 
 GROUPS = ("ripple", "operators", "bristles", "stribeck", "lag")
@@ -114,18 +114,15 @@ class Problem(NamedTuple):
             whitening=whitening, white=white, gram=white.T @ white, acceleration_noise=0.0, moved_share=0.0
         )
 
-    def sensed(self, weights: Array) -> float:
-        """Variance of the residual that is the current sensor's, once the rows have passed these `weights`."""
-        return self.file.motor.force_constant**2 * current_noise(self.parts, weights)
-
     def noise(self, residual: Array) -> Whitening:
         """The filter that whitens the noise of a `residual` (rows,)."""
         return _noise(self.parts, residual, self.whitening.rows)
 
     def residual_square(self, theta: Array, forces: Forces) -> Array:
-        """Sum of squares (k,) of the whitened residual at each of the delays with its `theta` (m, k)."""
+        """Sum of squares (k,) of the whitened residual at each delay with its `theta` (m, k); at least rounding's."""
         explained = np.sum(theta * (self.gram @ theta), axis=0) + self.acceleration_noise * theta[ACCELERATION] ** 2
-        return np.asarray(forces.square - 2.0 * np.sum(theta * forces.right, axis=0) + explained)
+        square = forces.square - 2.0 * np.sum(theta * forces.right, axis=0) + explained
+        return np.asarray(np.maximum(square, thresholds.LEAST_RESIDUAL**2 * forces.square))
 
     def prior(self, scales: Scales) -> gaussian.Prior:
         """Of all columns, with these scales of the groups."""
@@ -162,7 +159,11 @@ def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool
             np.vstack(seen.free),
             np.vstack([friction_columns.columns(x, shapes) for x in seen.paths]),
             laws.columns(law, seen.paths, best.theta.tolist(), shapes),
-            refinement.tangent(law, best, seen.paths, shapes),
+            refinement.tangent(
+                lambda theta: laws.columns(law, seen.paths, theta.tolist(), shapes) @ best.weights,
+                best.theta,
+                sum(p.rows for p in parts),
+            ),
         ]
     )
     noise = noise._replace(rows=tuple(p.rows for p in parts))

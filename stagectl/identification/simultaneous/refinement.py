@@ -19,7 +19,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,17 +67,12 @@ class Setting(NamedTuple):
         return self.inertia * math.exp(thresholds.INERTIA_DOUBT * float(u[-1]))
 
 
-def tangent(law: Law, refined: Refined, paths: Sequence[Path], s: Shapes) -> Array:
-    """Columns (rows, t): how the law's force changes with the logarithm of each of theta."""
+def tangent(force: Callable[[Array], Array], theta: Array, rows: int) -> Array:
+    """Columns (rows, t): how a law's force (rows,) changes with the logarithm of each of theta (t,)."""
     step, changes = thresholds.SENSITIVITY_STEP, []
-    for place in range(len(refined.theta)):
-        ends = []
-        for factor in (step, 1.0 / step):
-            theta = refined.theta.copy()
-            theta[place] *= factor
-            ends.append(columns(law, paths, theta.tolist(), s) @ refined.weights)
-        changes.append((ends[0] - ends[1]) / (2.0 * math.log(step)))
-    return np.array(changes).T.reshape(sum(p.rows.number for p in paths), len(changes))
+    for factors in 1.0 + (step - 1.0) * np.eye(len(theta)):
+        changes.append((force(theta * factors) - force(theta / factors)) / (2.0 * math.log(step)))
+    return np.array(changes).T.reshape(rows, len(theta))
 
 
 def acceleration(refined: Refined, path: Path, force: Array, s: Shapes) -> Array:

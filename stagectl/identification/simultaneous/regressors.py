@@ -7,19 +7,6 @@
 All columns and the left side pass the same window and are kept once per knot distance.  The state of an element at
 the start is not known.  It is forgotten once the axis has moved by twice the element's slip in either direction; the
 rows before that are left out.
-
-The window is the quintic B-spline ``B`` of knot distance ``h = q dt``: 6 h long, -3 dB at 0.187/h, zero phase.  As it
-is smooth itself, the derivative of the filtered signal is the signal filtered with the window's derivative, and a delay
-is the window shifted, without interpolation between samples::
-
-    y(t_k)        = sum_m x_m B(t_k - t_m) dt
-    y'(t_k)       = sum_m x_m B'(t_k - t_m) dt
-    y(t_k - tau)  = sum_m x_m B(t_k - t_m - tau) dt
-
-The sampled window has a sum of exactly 1 at any shift.  Filtering both sides of a linear equation keeps its solution.
-
-Source: modulating functions, M. Shinbrot, Trans. ASME 79, 1957; the paper's zero-phase low-pass (Simultaneous
-Identification ..., section IV.B).
 """
 
 from __future__ import annotations
@@ -28,59 +15,24 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy import interpolate, signal
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
+from stagectl.identification.simultaneous.windows import (
+    HALF,
+    Rows,
+    acceleration,
+    delayed,
+    margin,
+    resolution,
+    shortest_knots,
+    smoothed,
+    window,
+)
 
-KNOTS = 3  # knot distances to either side
-HALF = KNOTS + 1  # the same with room for a shift by a fraction of a sample
 ACCELERATION, VELOCITY, ONE = 0, 1, 2
 FREE = 3 + 2 * thresholds.RIPPLE_ORDERS  # columns before those of the friction
 RIPPLE = slice(3, FREE)  # sine and cosine of one, two, ... periods a revolution
-
-
-def window(q: int, dt: float, order: int = 0, shift: float = 0.0) -> Array:
-    """Weights (2 HALF q + 1,) of the window's derivative of this `order`, late by `shift` (s) of at most a sample."""
-    knots = q * dt * (np.arange(2 * KNOTS + 1) - KNOTS)
-    spline = interpolate.BSpline.basis_element(knots, extrapolate=False)
-    offsets = np.arange(-HALF * q, HALF * q + 1) * dt - shift
-    weights = np.nan_to_num(spline.derivative(order)(offsets) if order else spline(offsets))
-    return np.asarray(weights / q, dtype=np.float64)
-
-
-def margin(q: int, dt: float, delay: float) -> int:
-    """Samples that the window needs to either side of its middle at delays up to `delay` (s)."""
-    return HALF * q + math.ceil(delay / dt)
-
-
-class Rows(NamedTuple):
-    """Samples at which a filtered signal is kept: start, start + stride q, ..."""
-
-    start: int
-    number: int
-    q: int  # samples per knot distance
-    stride: int = 1  # knot distances per row: 1, 2, 4 or 8
-
-    @property
-    def step(self) -> int:
-        """Samples per row."""
-        return self.q * self.stride
-
-
-def smoothed(x: Array, weights: Array, rows: Rows) -> Array:
-    """`x` (..., n) filtered with `weights` at the samples `rows`: (..., count)."""
-    half = HALF * rows.q
-    part = x[..., rows.start - half : rows.start + (rows.number - 1) * rows.step + half + 1]
-    full = signal.upfirdn(weights, part, up=1, down=rows.step, axis=-1)
-    first = 2 * half // rows.step
-    return np.asarray(full[..., first : first + rows.number], dtype=np.float64)
-
-
-def delayed(x: Array, delay: float, dt: float, rows: Rows, order: int = 0) -> Array:
-    """``x(t - delay)`` filtered, or its derivative of this `order`, at `rows`."""
-    whole = round(delay / dt)
-    return smoothed(x, window(rows.q, dt, order, delay - whole * dt), rows._replace(start=rows.start - whole))
 
 
 class Part(NamedTuple):
@@ -99,47 +51,6 @@ class Part(NamedTuple):
     def rows(self) -> int:
         """Number of rows."""
         return self.places.number
-
-
-def shortest_knots(capture: Capture) -> int:
-    """Samples per knot distance where noise does not matter."""
-    return max(1, round(thresholds.SHORTEST_KNOTS / capture.dt))
-
-
-def knots(capture: Capture) -> int:
-    """Samples per knot distance: few, to resolve a reversal, unless the encoder's noise would fill the acceleration."""
-    q = shortest_knots(capture)
-    while (q + 1) * capture.dt <= thresholds.LONGEST_KNOTS and 2 * HALF * (q + 1) < len(capture.position) // 4:
-        weights = window(q, capture.dt, 2)
-        rms = acceleration(capture, q).std()
-        if position_noise(capture) * math.sqrt(float(weights @ weights)) <= thresholds.WINDOWED_NOISE * float(rms):
-            break
-        q += 1
-    return q
-
-
-def acceleration(capture: Capture, q: int, order: int = 2) -> Array:
-    """Acceleration of the whole capture (order 2), or its velocity (order 1), once per knot distance."""
-    count = (len(capture.position) - 2 * HALF * q - 1) // q + 1
-    x = capture.position - capture.position[0]
-    return smoothed(x, window(q, capture.dt, order), Rows(HALF * q, count, q))
-
-
-def position_noise(capture: Capture) -> float:
-    """Standard deviation of the position's noise: that of rounding, unless high differences show far more."""
-    order = thresholds.NOISE_DIFFERENCES
-    differences = np.abs(np.diff(capture.position, order))
-    seen = float(np.median(differences)) / 0.6745 / math.sqrt(math.comb(2 * order, order)) if len(differences) else 0.0
-    rounding = capture.encoder_step / math.sqrt(12.0)
-    return seen if seen > thresholds.BEYOND_ROUNDING * rounding else rounding
-
-
-def resolution(capture: Capture) -> float:
-    """The encoder step (rad | m) whose rounding is as much as the position's noise: a log may hold more than rounding.
-
-    Time stamps that jitter, an estimated angle, an analogue sensor: a stage file says nothing of them.
-    """
-    return math.sqrt(12.0) * position_noise(capture)
 
 
 def part(capture: Capture, wide: int, longest: float, delay: float) -> Part:

@@ -6,7 +6,8 @@ import numpy as np
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous.regressors import Part, coarse, position_noise, stepped, window
+from stagectl.identification.simultaneous.regressors import Part, coarse, stepped
+from stagectl.identification.simultaneous.windows import position_noise, window
 
 
 def current_noise(parts: list[Part], whitening: Array) -> float:

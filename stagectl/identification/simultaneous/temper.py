@@ -10,11 +10,13 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous.model import Problem
 from stagectl.identification.simultaneous.regressors import FREE
+from stagectl.identification.standard_errors import correlations, integrated_autocorrelation
 
 
 def worth(residual: Array, form_share: float) -> float:
     """Rows that count as one where this share of the `residual` (n,) is an error of form."""
-    return max(thresholds.WINDOW_CORRELATION, _near(residual)) + len(residual) * form_share / thresholds.FORM_VALUES
+    near = max(thresholds.WINDOW_CORRELATION, integrated_autocorrelation(residual - residual.mean()))
+    return near + len(residual) * form_share / thresholds.FORM_VALUES
 
 
 def form_share(p: Problem, residual: Array, variance: float, theta: Array) -> float:
@@ -29,26 +31,12 @@ def form_share(p: Problem, residual: Array, variance: float, theta: Array) -> fl
     return min(max((thresholds.FORM_ERROR * size) ** 2 / variance, _repeating(residual), path), 1.0)
 
 
-def _correlation(residual: Array) -> Array:
-    """Autocorrelation (n,) of a residual."""
-    centred = residual - residual.mean()
-    product = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2)[: len(centred)]
-    return np.asarray(product / max(float(product[0]), 1e-300), dtype=np.float64)
-
-
-def _near(residual: Array) -> float:
-    """Rows that count as one by the correlation of neighbours: ``1 + 2 sum rho`` up to the first that is negative."""
-    rho = _correlation(residual)
-    negative = np.flatnonzero(rho <= 0.0)
-    return max(1.0, float(2.0 * rho[: negative[0] if len(negative) else len(rho)].sum() - 1.0))
-
-
 def _repeating(residual: Array) -> float:
     """Share of the residual's variance that comes back later in the record, from the correlation of distant rows."""
     count = len(residual)
     far = np.arange(min(thresholds.FAR_ROWS, count // 3), count // 2)
     if len(far) < thresholds.FAR_ROWS:
         return thresholds.SHORT_FORM_SHARE
-    rho = _correlation(residual)[far] * count / (count - far)
+    rho = correlations(residual - residual.mean())[far] * count / (count - far)
     chance = thresholds.WINDOW_CORRELATION / count
     return math.sqrt(max(0.0, 2.0 * float(np.mean(rho * rho)) - 2.0 * chance))

@@ -24,7 +24,7 @@ Yule's and Walker's equations, section 10.1; G. Schwarz, Annals of Statistics 6(
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -126,11 +126,13 @@ def of(residual: Array, rows: Sequence[int], window: Array) -> Whitening:
     if products[0] <= 0.0:
         return none(rows)
     independent = len(residual) * window[0] / (2.0 * window.sum() - window[0])
-    weights = min(
-        (_predictor(products[: order + 1]) for order in range(most + 1)),
-        key=_criterion(products, independent),
-    )
-    return Whitening(weights, tuple(rows))
+
+    def criterion(weights: Array) -> float:
+        """Schwarz': the prediction error's power, and what a filter's order costs."""
+        power = float(weights @ products[: len(weights)])
+        return float(independent * math.log(power) + (len(weights) - 1) * math.log(independent))
+
+    return Whitening(min((_predictor(products[: p + 1]) for p in range(most + 1)), key=criterion), tuple(rows))
 
 
 def _predictor(products: Array) -> Array:
@@ -138,16 +140,6 @@ def _predictor(products: Array) -> Array:
     if len(products) == 1:
         return np.ones(1)
     return np.concatenate([[1.0], -linalg.solve_toeplitz(products[:-1], products[1:])])
-
-
-def _criterion(products: Array, independent: float) -> Callable[[Array], float]:
-    """Schwarz' criterion of a filter: the prediction error's power, and what its order costs."""
-
-    def criterion(weights: Array) -> float:
-        power = float(weights @ products[: len(weights)])
-        return independent * math.log(power) + (len(weights) - 1) * math.log(independent)
-
-    return criterion
 
 
 def _products(part: Array, order: int, window: Array) -> Array:

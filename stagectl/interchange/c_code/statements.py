@@ -5,8 +5,7 @@ from __future__ import annotations
 import ast
 from typing import Any, get_args
 
-from stagectl.interchange.c_code.expression import Expression
-from stagectl.interchange.c_code.expressions import Expressions
+from stagectl.interchange.c_code.expressions import Expression, Expressions
 from stagectl.interchange.c_code.types import TranslationError, members, uniform
 
 # A variable of such a name would not compile; those of C alone, as the others are Python's, too.

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from stagectl.interchange.c_code import kernel as read
-from stagectl.interchange.c_code.expression import HELPERS
-from stagectl.interchange.c_code.expressions import Expressions
+from stagectl.interchange.c_code import types as read
+from stagectl.interchange.c_code.expressions import HELPERS, Expressions
 from stagectl.interchange.c_code.statements import INDENT, RESERVED, Statements
 from stagectl.interchange.c_code.types import PRELUDE, TranslationError, Types
 
@@ -42,29 +41,24 @@ class Translation:
         return "\n".join([PRELUDE, *self.types.definitions.values(), "", HELPERS, *self._functions.values()])
 
     def _translated(self, kernel: Any, name: str) -> str:
-        function = read.function_of(kernel)
+        function, given, result = read.function_of(kernel), read.parameters(kernel), read.signature(kernel)[-1]
         expressions = Expressions(self.types, function.__globals__, self.add)
-        expressions.local.update(read.parameters(kernel))
-        body = Statements(expressions, read.signature(kernel)[-1])
+        expressions.local.update(given)
+        body = Statements(expressions, result)
         try:
             body.block(read.definition(kernel).body)
-            return "\n".join([*self._head(kernel, name), *self._variables(kernel, expressions), *body.lines, "}", ""])
+            head = self._head(function, f"static {self.types.name(result)} {name}", given)
+            own = [(local, hint) for local, hint in expressions.local.items() if local not in given]
+            variables = [f"{INDENT}{self.types.name(hint)} {local};" for local, hint in own]
+            return "\n".join([*head, *variables, *body.lines, "}", ""])
         except TranslationError as error:
             if error.args and str(error.args[0]).startswith(read.PACKAGE):
                 raise
             raise TranslationError(f"{function.__module__}.{function.__name__}: {error}") from error
 
-    def _head(self, kernel: Any, name: str) -> list[str]:
-        function, given = read.function_of(kernel), read.parameters(kernel)
+    def _head(self, function: Any, declared: str, given: dict[str, Any]) -> list[str]:
         if RESERVED & set(given):
             raise TranslationError(f"the parameter `{min(RESERVED & set(given))}` has a name that C reserves")
         words = (function.__doc__ or "").split("\n")[0].replace("*/", "* /")
         listed = ", ".join(f"{self.types.name(hint)} {parameter}" for parameter, hint in given.items())
-        result = self.types.name(read.signature(kernel)[-1])
-        return [f"/* {function.__module__}: {words} */", f"static {result} {name}({listed}) {{"]
-
-    def _variables(self, kernel: Any, expressions: Expressions) -> list[str]:
-        given = read.parameters(kernel)
-        return [
-            f"{INDENT}{self.types.name(hint)} {name};" for name, hint in expressions.local.items() if name not in given
-        ]
+        return [f"/* {function.__module__}: {words} */", f"{declared}({listed}) {{"]

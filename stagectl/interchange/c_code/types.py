@@ -1,15 +1,19 @@
-"""Types of the kernels in C: numbers, blocks (NamedTuples), tuples, and arrays that the caller owns.
+"""Kernels as the translator reads them, and their types in C: numbers, blocks, tuples, arrays that the caller owns.
 
-A type is what the kernel's annotation says; `Any` is an array of floats.
+A type is what the kernel's annotation says: a block is a NamedTuple, and `Any` is an array of floats.
 """
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
+import textwrap
 from typing import Any, get_args, get_type_hints
 
 from stagectl.units import StageError
 
+PACKAGE = "stagectl.kernels"
 SCALARS = {float: "double", int: "int64_t", bool: "bool"}
 ARRAY = "array"  # of doubles
 PRELUDE = f"""#include <math.h>
@@ -22,6 +26,45 @@ typedef struct {{ double *at; int64_t length; }} {ARRAY};
 
 class TranslationError(StageError):
     """Something in a kernel that has no translation to C."""
+
+
+def function_of(kernel: Any) -> Any:
+    """The Python function of a kernel, whether compiled, not yet compiled or interpreted.
+
+    Raises TranslationError for anything else.
+    """
+    function = getattr(kernel, "py_func", getattr(kernel, "__wrapped__", kernel))
+    if not inspect.isfunction(function) or not function.__module__.startswith(PACKAGE):
+        raise TranslationError(f"{kernel!r} is not a function of {PACKAGE}")
+    return function
+
+
+def c_name(kernel: Any) -> str:
+    """Its name in C: module and function."""
+    function = function_of(kernel)
+    return f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}"
+
+
+def parameters(kernel: Any) -> dict[str, Any]:
+    """Types of its parameters, by their names."""
+    function = function_of(kernel)
+    hints = get_type_hints(function)
+    missing = [name for name in inspect.signature(function).parameters if name not in hints]
+    if missing or "return" not in hints:
+        raise TranslationError(f"{c_name(kernel)} has no type for {', '.join(missing) or 'its result'}")
+    return {name: hints[name] for name in inspect.signature(function).parameters}
+
+
+def signature(kernel: Any) -> tuple[Any, ...]:
+    """Types of its parameters, and of its result."""
+    return (*parameters(kernel).values(), get_type_hints(function_of(kernel))["return"])
+
+
+def definition(kernel: Any) -> ast.FunctionDef:
+    """Its source, parsed."""
+    (parsed,) = ast.parse(textwrap.dedent(inspect.getsource(function_of(kernel)))).body
+    assert isinstance(parsed, ast.FunctionDef)
+    return parsed
 
 
 def members(hint: Any) -> dict[str, Any]:
@@ -62,7 +105,8 @@ class Types:
         elif uniform(hint):
             name = f"tuple{len(parts)}_{parts['_0']}"
             parts = {f"at[{len(parts)}]": parts["_0"]}
-        self.definitions.setdefault(name, _structure(name, parts))
+        lines = [f"    {kind} {field};" for field, kind in parts.items()]
+        self.definitions.setdefault(name, "\n".join(["typedef struct {", *lines, f"}} {name};"]))
         return name
 
     def constant(self, value: Any, hint: Any) -> str:
@@ -82,11 +126,6 @@ def type_of(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple[tuple(type_of(part) for part in value)]  # type: ignore[misc]
     raise TranslationError(f"a constant of type {type(value).__name__} has no translation to C")
-
-
-def _structure(name: str, parts: dict[str, str]) -> str:
-    lines = [f"    {kind} {field};" for field, kind in parts.items()]
-    return "\n".join(["typedef struct {", *lines, f"}} {name};"])
 
 
 def _number(value: Any, hint: Any) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.export import ExportedModel, ExportError, lost, random_numbers
+from stagectl.interchange.export import ExportedModel, ExportError
 from stagectl.interchange.fmu import description, model_header
 from stagectl.interchange.fmu.variables import variables
 from stagectl.interchange.round_trip import Array, Simulated, compared
@@ -52,7 +52,9 @@ def write(setup: Setup, path: Path, with_compiler: str | None) -> None:
         _sources(setup, folder, identifier)
         if with_compiler is not None:
             _compile(with_compiler, folder, identifier)
-        _zip(folder, path)
+        with replaced(path) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as archive:
+            for file in sorted(each for each in folder.rglob("*") if each.is_file()):
+                archive.write(file, file.relative_to(folder))
 
 
 def _ours(path: Path) -> bool:
@@ -89,13 +91,6 @@ def _compile(command: str, folder: Path, identifier: str) -> None:
         raise CompileError(f"{' '.join(words)} ended with {done.returncode}: {done.stderr.strip()}")
 
 
-def _zip(folder: Path, path: Path) -> None:
-    with replaced(path) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as archive:
-        for file in sorted(folder.rglob("*")):
-            if file.is_file():
-                archive.write(file, file.relative_to(folder))
-
-
 NO_COMPILER = (
     "no C compiler on this machine (CC, cc, gcc, clang): the FMU has its sources only and was not run. "
     "Where there are a compiler and cmake: fmpy compile {path}"
@@ -110,18 +105,21 @@ def to_fmu(setup: Setup, path: Path) -> ExportedModel:
     command = compiler()
     with ExportError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE):
         write(setup, path, command)
-    wrong = findings(path)
-    if wrong:
+    if wrong := findings(path):
         raise ExportError(f"FMPy's validation finds in {path}: {'; '.join(wrong)}")
-    simulator, losses = f"FMPy {fmpy.__version__}", [*lost(setup, _HELD), *random_numbers(setup)]
+    simulator, losses = f"FMPy {fmpy.__version__}", _random_numbers(setup)
     if command is None:
         return ExportedModel(simulator, (path,), {}, losses, (NO_COMPILER.format(path=path),))
     variants = {path.name: compared(setup, simulated(setup, path))}
     return ExportedModel(simulator, (path,), variants, losses, ("FMPy's validation: no findings.",))
 
 
-# All of the plant, as the source is that of the kernels; only random numbers are drawn outside.
-_HELD: dict[str, set[str]] = {"residual": set()}
+def _random_numbers(setup: Setup) -> list[str]:
+    """What the FMU does not hold: all of the plant is in the kernels' source, random numbers are drawn outside."""
+    p = setup.file.simulation
+    drawn = {"drive.jitter": setup.stage.drive.jitter, "simulation.current_noise": p.current_noise}
+    drawn |= {"simulation.encoder_noise": p.encoder_noise}
+    return [f"{name} = {value:.4g}: it draws random numbers" for name, value in drawn.items() if value]
 
 
 def findings(path: Path) -> list[str]:

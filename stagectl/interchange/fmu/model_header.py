@@ -10,11 +10,9 @@ from typing import Any
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.c_code.translation import Translation
-from stagectl.interchange.fmu.variables import ALWAYS, AT_START, Leaf, Variable, leaves, storage
+from stagectl.interchange.fmu.variables import Leaf, Variable, leaves, storage
 from stagectl.kernels import equilibrium, stage
 from stagectl.units import Quantity
-
-SETTABLE = {ALWAYS: 2, AT_START: 1}
 
 
 def header(setup: Setup, variables: list[Variable]) -> str:
@@ -32,10 +30,8 @@ def header(setup: Setup, variables: list[Variable]) -> str:
         _structure(each),
         _pointed(each),
         _started(kernels, each, variables),
-        *(
-            _place(name, kind, hint, variables)
-            for name, kind, hint in (("number", "double", float), ("whole", "int64_t", int))
-        ),
+        _place("number", "double", float, variables),
+        _place("whole", "int64_t", int, variables),
         _admitted(variables),
         _table(variables),
     ]
@@ -103,8 +99,7 @@ def _place(name: str, kind: str, hint: Any, variables: list[Variable]) -> str:
         for reference, variable in enumerate(variables)
         if type(variable.start) is hint
     ]
-    head = f"static {kind} *model_{name}(model *m, uint32_t reference) {{"
-    return "\n".join([head, "    switch (reference) {", *cases, "    default: return 0;", "    }", "}", ""])
+    return _switch(f"static {kind} *model_{name}(model *m, uint32_t reference)", cases, "0")
 
 
 def _admitted(variables: list[Variable]) -> str:
@@ -112,10 +107,14 @@ def _admitted(variables: list[Variable]) -> str:
     cases = [
         f"    case {reference}: return {_within(variable.quantity)};"
         for reference, variable in enumerate(variables)
-        if variable.settable in SETTABLE
+        if variable.settable
     ]
-    head = "static bool model_admits(uint32_t reference, double value) {"
-    return "\n".join([head, "    switch (reference) {", *cases, "    default: return false;", "    }", "}", ""])
+    return _switch("static bool model_admits(uint32_t reference, double value)", cases, "false")
+
+
+def _switch(head: str, cases: list[str], otherwise: str) -> str:
+    lines = [f"{head} {{", "    switch (reference) {", *cases, f"    default: return {otherwise};", "    }", "}", ""]
+    return "\n".join(lines)
 
 
 def _within(quantity: Quantity) -> str:
@@ -128,8 +127,7 @@ def _within(quantity: Quantity) -> str:
 def _table(variables: list[Variable]) -> str:
     """Names, when each may be set (2: always, 1: until the motion begins, 0: never), and the admissible range."""
     rows = [
-        f'    {{"{variable.name}", {SETTABLE.get(variable.settable, 0)}, "{variable.quantity.interval}"}},'
-        for variable in variables
+        f'    {{"{variable.name}", {variable.settable}, "{variable.quantity.interval}"}},' for variable in variables
     ]
     head = "static const struct { const char *name; int settable; const char *range; } TABLE[VARIABLES] = {"
     return "\n".join([head, *rows, "};", ""])

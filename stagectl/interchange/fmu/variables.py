@@ -8,8 +8,6 @@ from typing import Any, NamedTuple, get_type_hints
 from stagectl.config.stage_file import Setup
 from stagectl.units import Quantity, quantity_of
 
-ALWAYS, AT_START, NEVER = "tunable", "fixed", "calculated"  # when it may be set
-
 
 class Variable(NamedTuple):
     """One variable; its value reference is its place in the list."""
@@ -19,14 +17,13 @@ class Variable(NamedTuple):
     quantity: Quantity
     place: str  # in the C structure `model`
     causality: str = "parameter"
-    variability: str = AT_START
+    variability: str = "fixed"
 
     @property
-    def settable(self) -> str:
-        """When it may be set."""
-        if self.causality == "input":
-            return ALWAYS
-        return self.variability if self.causality == "parameter" else NEVER
+    def settable(self) -> int:
+        """When it may be set: 2 always, 1 until the motion begins, 0 never."""
+        when = {("input", "discrete"): 2, ("parameter", "tunable"): 2, ("parameter", "fixed"): 1}
+        return when.get((self.causality, self.variability), 0)
 
 
 _SIGNALS = (
@@ -98,7 +95,7 @@ def _parameters(leaf: Leaf) -> Iterator[Variable]:
     """A number, or the elements of an array; what is an effect, or counts, is fixed once the motion has begun."""
     if leaf.quantity is None:
         return
-    when = AT_START if leaf.effect or isinstance(leaf.value, int) else ALWAYS
+    when = "fixed" if leaf.effect or isinstance(leaf.value, int) else "tunable"
     if isinstance(leaf.value, int | float):
         yield Variable(leaf.path, leaf.value, leaf.quantity, f"p.{leaf.path}", variability=when)
         return

@@ -17,13 +17,12 @@ import numpy as np
 from stagectl.problem import ProblemKind
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
-from stagectl.recording.guess import motion, roles, table, units
-from stagectl.recording.guess.roles import Role, hinted
-from stagectl.recording.guess.table import Column
+from stagectl.recording.guess import motion, roles, units
+from stagectl.recording.guess.roles import Column, Role, hinted
 from stagectl.recording.guess.units import Unit
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import SHARES, Known, Scales
-from stagectl.units import LINEAR, ROTARY
+from stagectl.units import LINEAR, ROTARY, factor
 
 
 class GuessedColumn(NamedTuple):
@@ -60,13 +59,13 @@ def guess(path: Path, known: Known, named: Collection[str] = ()) -> Guess:
 
     Raises RecordingError where there is no time, or nothing that moves.
     """
-    columns = roles.live(table.read(path))
+    columns = roles.live(roles.read(path))
     time = roles.time_of(columns)
     if time is None:
         reason = f"{path} has no column that runs on as a time does; say which it is: --columns time=..."
         raise RecordingError(reason, path, ProblemKind.MISSING, column="time")
     unit = units.of_time(time.column.words, time.column.values)
-    seconds = time.column.values * units.SECONDS[unit.name]
+    seconds = time.column.values * factor(unit.name, "s")
     others = roles.beside(columns, time.column)
     if not others:
         reason = f"{path} has no column that varies besides the time; say which is the position: --columns position=..."
@@ -225,12 +224,8 @@ def _unit_of_command(command: Role, measured: Role, unit: Unit, scales: Scales) 
         return own
     slope, _ = np.polyfit(command.column.values, measured.column.values, 1)
     ratio = max(abs(float(slope)), constants.TINY)
-    force = "N" if scales.kind == LINEAR else "Nm"
-    if (
-        unit.name == "A"
-        and scales.force_constant
-        and abs(math.log(ratio * scales.force_constant)) < abs(math.log(ratio))
-    ):
+    force, constant = "N" if scales.kind == LINEAR else "Nm", scales.force_constant
+    if unit.name == "A" and constant and abs(math.log(ratio * constant)) < abs(math.log(ratio)):
         return Unit(force, constants.SURE_BY_MAGNITUDE, "it is as large as the torque")
     if abs(ratio - 1.0) < constants.SAME_UNIT:
         return Unit(unit.name, unit.sure, "it is as large as what was measured")

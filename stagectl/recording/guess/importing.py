@@ -15,6 +15,7 @@ from stagectl.recording.guess import units
 from stagectl.recording.guess.guess import Guess, GuessedColumn, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import is_text_log, read
+from stagectl.recording.nominal_yaml import axis_values
 from stagectl.recording.scales import Known, Scales, scales_of_stage
 from stagectl.units import LINEAR
 
@@ -45,7 +46,8 @@ def import_log(
         return [Imported(_with(recording, known), None) for recording in read(path, setup, words, known=known)]
     except RecordingError as error:
         unnamed = error.problems[0].kind in (ProblemKind.MISSING, ProblemKind.UNIT) and not error.row
-        if path.is_dir() or not unnamed or _complete(words):
+        named = set(words or {})  # where that is all that a log must have, a refusal is about these words
+        if path.is_dir() or not unnamed or ("time" in named and {"position", "velocity"} & named):
             raise
     return [_guessed(path, setup, words or {}, known, unsure)]
 
@@ -54,11 +56,6 @@ def _is_log(path: Path) -> bool:
     """Whether a file of a folder is a log: notes beside logs are text, too."""
     kind = path.suffix.lower()
     return kind in _LOGS and (kind == ".mat" or is_text_log(path))
-
-
-def _complete(words: Mapping[str, str] | None) -> bool:
-    """Whether the user named all that a log must have: then a refusal is about these words."""
-    return bool(words) and "time" in (words or {}) and bool({"position", "velocity"} & set(words or {}))
 
 
 def _with(recording: Recording, known: Known) -> Recording:
@@ -76,17 +73,17 @@ def _with(recording: Recording, known: Known) -> Recording:
 def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
     stated = scales_of_stage(setup) if setup is not None else None
     taken = guess(path, known.of_stage(setup) if setup else known, words)
-    if stated is not None:
-        taken = taken._replace(scales=stated, notes=())
-    else:
-        taken = taken._replace(scales=_of_kind(taken.scales, words, path))
-    taken = taken._replace(columns=tuple(_beside(part, words) for part in taken.columns if part.quantity not in words))
+    scales, notes = (stated, ()) if stated else (_of_kind(taken.scales, words, path), taken.notes)
+    unnamed = tuple(_beside(part, words) for part in taken.columns if part.quantity not in words)
+    taken = Guess(unnamed, scales, notes)
     _check_known(path, taken, stated)
     if taken.columns and taken.sure < constants.LEAST_SURE and not unsure:
         raise _not_sure(path, taken)
     (recording,) = read(path, setup, {**taken.words, **words}, taken.scales)
     recording.meta["notes"] = [*map(line, taken.columns), *taken.notes, *recording.meta["notes"]]
-    recording.meta.setdefault("nominal", _nominal(path.stem, taken.scales))
+    constant = {"force_constant": taken.scales.force_constant} if taken.scales.force_constant else {}
+    stage = {"name": path.stem, **axis_values(recording.meta["axis"]), **constant}
+    recording.meta.setdefault("nominal", {"stage": stage})  # inertia and controller are for the user to add
     return Imported(recording, taken)
 
 
@@ -136,16 +133,3 @@ def _not_sure(path: Path, taken: Guess) -> RecordingError:
         f"--columns {said!r}, --counts N and --force-constant K. All that is guessed:\n  {lines}"
     )
     return RecordingError(reason, path, ProblemKind.VALUE, column=least.quantity)
-
-
-def _nominal(name: str, scales: Scales) -> dict[str, dict[str, object]]:
-    """The scales as nominal.yaml holds them; inertia and controller are for the user to add."""
-    linear = scales.kind == LINEAR
-    block = {
-        "name": name,
-        "kind": scales.kind,
-        "position_unit": "m" if linear else "rad",
-        "force_constant": scales.force_constant or None,
-        "encoder_step": scales.encoder_step or None,
-    }
-    return {"stage": {key: value for key, value in block.items() if value is not None}}

@@ -1,18 +1,26 @@
-"""Which column is which: time runs evenly, a velocity is a derivative, a reference is followed, an effort drives."""
+"""The columns of any file, and which is which.
+
+Time runs evenly, a velocity is a derivative, a reference is followed, an effort drives.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from stagectl.number_format import percent
-from stagectl.recording import constants
+from stagectl.problem import ProblemKind
+from stagectl.recording import constants, mat_logs
 from stagectl.recording.columns import Array
+from stagectl.recording.csv_layout import Layout, layout
+from stagectl.recording.csv_table import read_table
 from stagectl.recording.guess import motion, units
-from stagectl.recording.guess.table import Column
+from stagectl.recording.hdf5 import RecordingError
+from stagectl.recording.metadata import flat
 
 _HINTS = {
     "time": r"time|stamp|^t$",
@@ -23,6 +31,62 @@ _HINTS = {
     "command": r"cmd|command|demand|target|desired|ref|setp|^u$|^vir$",
     "no effort": r"volt|supply|accel|temp|(?<![a-z])(?:acc|[uvi]_?d|[uv]_?q|[uv]_?(?:dc|bus|link|batt?|in))(?![a-z])",
 }
+
+
+class Column(NamedTuple):
+    """One column as it is in its file."""
+
+    name: str  # as --columns takes it: a number from 1, a variable, or variable[number]
+    words: str  # what the file says about it, lower case; empty where nothing
+    values: Array  # (n,)
+
+
+def read(path: Path) -> list[Column]:
+    """All columns of numbers that have as many rows as the file's longest one.
+
+    Raises RecordingError where there are fewer than two.
+    """
+    columns = _of_mat(path) if path.suffix.lower() == ".mat" else _of_text(path)
+    longest = max((len(column.values) for column in columns), default=0)
+    columns = [column for column in columns if len(column.values) == longest]
+    if len(columns) < 2 or longest < constants.JUDGED_ROWS:
+        reason = (
+            f"{path} holds {len(columns)} columns of {longest} numbers; must hold at least 2 of {constants.JUDGED_ROWS}"
+        )
+        raise RecordingError(reason, path, ProblemKind.SHAPE)
+    return columns
+
+
+def _of_text(path: Path) -> list[Column]:
+    how = layout(path)
+    labels = [str(number) for number in range(1, how.width + 1)]
+    table, _ = read_table(path, labels, labels, how, labels, constants.GUESS_BYTES)
+    return [Column(name, _words(how, k), table[name]) for k, name in enumerate(labels)]
+
+
+def _words(how: Layout, k: int) -> str:
+    """What the lines above the numbers say in column `k`, those that have a cell for each column.
+
+    Stamps say that they are a time, and they are read in s.
+    """
+    if how.stamped(k):
+        return "time [s]"
+    rows = how.rows if how.skipped else []
+    return " ".join(row[k] for row in rows if len(row) == how.width).lower()
+
+
+def _of_mat(path: Path) -> list[Column]:
+    columns = []
+    for name, value in flat(mat_logs.variables(path)).items():
+        values = np.asarray(value)
+        if values.dtype.kind not in "fiu" or values.ndim > 2 or values.size < 2:
+            continue
+        table = mat_logs.upright(values.astype(np.float64))
+        if table.ndim == 1:
+            columns.append(Column(name, name.lower(), table))
+        else:
+            columns += [Column(f"{name}[{k + 1}]", "", table[:, k]) for k in range(table.shape[1])]
+    return columns
 
 
 class Role(NamedTuple):
@@ -113,11 +177,11 @@ def _alone(columns: Sequence[Column], blocks: motion.Blocks) -> tuple[Role | Non
     for quantity in ("position", "velocity"):
         named = [c for c in columns if hinted(c, quantity) and not hinted(c, "effort") and not hinted(c, "reference")]
         if named:
-            smoothest = max(named, key=lambda c: _smooth(c.values))
+            smoothest = min(named, key=lambda c: motion.roughness(c.values))
             role = Role(smoothest, constants.SURE_BY_NAME, f"its header says {quantity}")
             return (role, None) if quantity == "position" else (None, role._replace(ratio=1.0))
     free = [column for column in columns if not hinted(column, "effort")] or list(columns)
-    smoothest = max(free, key=lambda column: _smooth(column.values))
+    smoothest = min(free, key=lambda column: motion.roughness(column.values))
     others = [column.values for column in columns if column is not smoothest]
     as_velocity, as_position = (
         max((motion.drives(blocks, speed, other).share for other in others), default=0.0)
@@ -130,10 +194,6 @@ def _alone(columns: Sequence[Column], blocks: motion.Blocks) -> tuple[Role | Non
         why = f"it explains {100.0 * as_velocity:.3g} % of another column as its velocity"
         return None, Role(smoothest, constants.SURE_BY_MAGNITUDE, why, 1.0)
     return Role(smoothest, constants.SURE_BY_MAGNITUDE, "it is the smoothest column"), None
-
-
-def _smooth(column: Array) -> float:
-    return -motion.roughness(column)
 
 
 def reference_of(columns: Sequence[Column], position: Column) -> tuple[Role, Column] | None:

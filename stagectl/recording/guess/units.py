@@ -13,9 +13,8 @@ from stagectl.recording import constants
 from stagectl.recording.columns import Array
 from stagectl.recording.repair import smallest_step
 from stagectl.recording.scales import Known, Scales, is_unit
-from stagectl.units import LINEAR, ROTARY
+from stagectl.units import LINEAR, ROTARY, factor
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _WORDS = {
     "time": ("s", "ms", "us"),
     "position": ("rad", "deg", "rev", "counts", "m", "mm", "um"),
@@ -61,8 +60,8 @@ def of_time(words: str, time: Array) -> Unit:
     step = float(np.median(np.diff(time))) or float(np.ptp(time)) / len(time)
     low, high = constants.USUAL_STEPS
     for longest, sure in ((high, constants.SURE_BY_PHYSICS), (constants.RARE_ROWS, constants.SURE_BY_MAGNITUDE)):
-        if fit := [name for name, size in SECONDS.items() if low <= step * size <= longest]:
-            return Unit(fit[0], sure, f"rows come every {duration(step * SECONDS[fit[0]])}")
+        if fit := [name for name in (*_WORDS["time"], "ns") if low <= step * factor(name, "s") <= longest]:
+            return Unit(fit[0], sure, f"rows come every {duration(step * factor(fit[0], 's'))}")
     return Unit("s", constants.SURE_BY_DEFAULT, f"no header names a unit, and rows come every {step:.4g}")
 
 

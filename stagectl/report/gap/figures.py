@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,22 +11,25 @@ from numpy.typing import NDArray
 
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
-from stagectl.number_format import prefix
 from stagectl.report.constants import FLAT, LABEL_CHARACTERS, LEAST_SHARE, MOST_ROWS, SHOWN_SHARE, WINDOW
-from stagectl.report.figures import TARGET, WITH, WITHOUT, across_rows, drawing, effort_unit, note, plain_decades
+from stagectl.report.figures import (
+    TARGET,
+    WITH,
+    WITHOUT,
+    Scale,
+    across_rows,
+    drawing,
+    effort_unit,
+    note,
+    plain_decades,
+    prefixed,
+)
 from stagectl.report.panels import DPI as DPI
 
 Array = NDArray[np.float64]
 WIDTH = 5.4  # inch: two fit side by side
 _GREY, _PALE = "#94a3b8", "#e2e8f0"
 _COLOURS = {"parameters": TARGET, UNEXPLAINED: WITHOUT, NOISE: "#cbd5e1"}  # of shares; of an effect: WITH
-
-
-class _Scale(NamedTuple):
-    """A factor, and the unit that a number has after it."""
-
-    factor: float
-    unit: str
 
 
 def drawings(result: DiagnosisResult) -> dict[str, Callable[[], Figure]]:
@@ -63,12 +65,8 @@ def most_open(result: DiagnosisResult) -> list[Spans]:
     """The captures that are drawn, in their order: all, or those whose gap is open longest."""
     if len(result.captures) <= MOST_ROWS:
         return list(result.captures)
-    longest = sorted(result.captures, key=_open)[-MOST_ROWS:]
+    longest = sorted(result.captures, key=lambda capture: sum(b - a for a, b in capture.spans))[-MOST_ROWS:]
     return [capture for capture in result.captures if any(capture is kept for kept in longest)]
-
-
-def _open(capture: Spans) -> float:
-    return sum(end - begin for begin, end in capture.spans)
 
 
 def spans(result: DiagnosisResult) -> Figure:
@@ -116,10 +114,7 @@ def shares(result: DiagnosisResult) -> Figure:
 def _share_label(name: str) -> str:
     if name == UNEXPLAINED:
         return name.replace(" but ", " but\n")
-    return _wrapped(name if name == NOISE else label(name))
-
-
-def _wrapped(text: str) -> str:
+    text = name if name == NOISE else label(name)
     if len(text) <= LABEL_CHARACTERS:
         return text
     at = text.rfind(" ", 0, len(text) // 2 + 4)
@@ -148,8 +143,8 @@ def window(run: Trace, length: float = WINDOW) -> slice:
 def trace(run: Trace, result: DiagnosisResult) -> Figure:
     """Reference, and the model minus the machine before and after, over the window of the largest gap."""
     part = window(run)
-    per = _Scale(result.travel_per_unit, result.travel_unit)
-    where, size = _prefixed(run.reference[part], per), _prefixed(run.before[part], per)
+    travel = (result.travel_unit, result.travel_per_unit)
+    where, size = prefixed(run.reference[part], *travel), prefixed(run.before[part], *travel)
     with drawing(2, 1, figsize=(8.6, 4.2), sharex=True, height_ratios=(1, 2.4)) as (figure, (above, below)):
         above.plot(run.time[part], where.factor * run.reference[part], color=TARGET, linewidth=1.2)
         above.set_ylabel(f"reference [{where.unit}]")
@@ -169,7 +164,7 @@ def unknown(result: DiagnosisResult) -> Figure:
     assert result.unknown is not None  # the page checks
     grid, force, drive = result.unknown.grid, result.unknown.force, result.unknown.block == "drive"
     across = coordinate_scale(result.unknown.coordinate, grid, result)
-    up = _prefixed(force, _Scale(1.0, "A" if drive else effort_unit(result.kind)))
+    up = prefixed(force, "A" if drive else effort_unit(result.kind))
     with drawing(figsize=(WIDTH, 3.3)) as (figure, axes):
         axes.axhline(0.0, color=_GREY, linewidth=0.8)
         if result.unknown.coordinate == "frequency":
@@ -182,25 +177,19 @@ def unknown(result: DiagnosisResult) -> Figure:
     return figure
 
 
-def coordinate_scale(name: str, values: Array, result: DiagnosisResult) -> _Scale:
+def coordinate_scale(name: str, values: Array, result: DiagnosisResult) -> Scale:
     """How a coordinate in axis units is drawn: as travel where there is one."""
     unit, per = result.travel_unit, result.travel_per_unit
     if name == "position_mod_pitch" and result.kind == "rotary":
-        return _Scale(180.0 / math.pi, "deg of the motor")
+        return Scale(180.0 / math.pi, "deg of the motor")
     plain = {
-        "speed": _Scale(per, f"{unit}/s"),
-        "acceleration": _Scale(per, f"{unit}/s²"),
-        "displacement_since_reversal": _Scale(per, unit),
-        "position": _Scale(per, unit),
-        "position_mod_pitch": _Scale(per, unit),
-        "current": _Scale(1.0, "A"),
-        "time": _Scale(1.0, "s"),
-        "frequency": _Scale(1.0, "Hz"),
-    }.get(name, _Scale(1.0, ""))
-    return plain if name in ("time", "frequency") or not plain.unit else _prefixed(values, plain)
-
-
-def _prefixed(values: Array | Sequence[float], plain: _Scale) -> _Scale:
-    """With the prefix in which the largest of `values` reads well."""
-    letter, factor = prefix(plain.factor * float(np.nanmax(np.abs(values), initial=0.0)))
-    return _Scale(plain.factor * factor, f"{letter}{plain.unit}")
+        "speed": Scale(per, f"{unit}/s"),
+        "acceleration": Scale(per, f"{unit}/s²"),
+        "displacement_since_reversal": Scale(per, unit),
+        "position": Scale(per, unit),
+        "position_mod_pitch": Scale(per, unit),
+        "current": Scale(1.0, "A"),
+        "time": Scale(1.0, "s"),
+        "frequency": Scale(1.0, "Hz"),
+    }.get(name, Scale(1.0, ""))
+    return plain if name in ("time", "frequency") or not plain.unit else prefixed(values, plain.unit, plain.factor)

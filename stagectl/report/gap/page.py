@@ -10,7 +10,6 @@ from stagectl.gap.effects.library import label
 from stagectl.gap.result import remarks_text, verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, HELD_OUT, NOISE, DiagnosisResult
 from stagectl.number_format import percent
-from stagectl.recording.metadata import versions
 from stagectl.report import interactive
 from stagectl.report.constants import LEAST_SHARE
 from stagectl.report.gap import figures
@@ -26,23 +25,27 @@ def page(result: DiagnosisResult, place: str, commands: list[str], stored: str =
 
     `stage` is the stage file that those that follow take.
     """
-    parts = (_loop, _motion, _shares, _distance, _unknown, _following, _parameters, _limits)
-    sections = [part(result, stored or place) for part in parts]
+    sections = [
+        Section("Where in the loop", _largest_block(result), [chain(result)]),
+        *_motion(result),
+        *_shares(result),
+        *_distance(result),
+        *_unknown(result, stored or place),
+        *_following(result, stored or place),
+        *([Section("Parameters", tables=[values])] if (values := tables.values(result)).rows else []),
+        *([Section("Notes and limits", lines)] if (lines := remarks_text.remarks(result)) else []),
+    ]
+    named = shlex.quote(stage)
     return Page(
         f"stagectl gap diagnose: {place}",
         result.sentence or verdict_text.sentence(result),
         _basis(result),
-        [],
-        [],
-        commands,
-        versions(),
-        sections=tuple(_of_stage(section, stage) for section in sections if section is not None),
+        commands=commands,
+        sections=[
+            section._replace(commands=[line.replace(_ANY_STAGE, named) for line in section.commands])
+            for section in sections
+        ],
     )
-
-
-def _of_stage(section: Section, stage: str) -> Section:
-    """The section with this stage file in its commands."""
-    return section._replace(commands=tuple(line.replace(_ANY_STAGE, shlex.quote(stage)) for line in section.commands))
 
 
 def _basis(result: DiagnosisResult) -> list[str]:
@@ -60,10 +63,6 @@ def _basis(result: DiagnosisResult) -> list[str]:
 
 def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
-def _loop(result: DiagnosisResult, _place: str) -> Section:
-    return Section("Where in the loop", _largest_block(result), [chain(result)], [])
 
 
 def _largest_block(result: DiagnosisResult) -> list[str]:
@@ -87,7 +86,7 @@ def _parts(result: DiagnosisResult) -> list[str]:
     return [f"Of the excess of the forces over noise: {', '.join(held)}."] if len(held) > 1 else []
 
 
-def _motion(result: DiagnosisResult, _place: str) -> Section | None:
+def _motion(result: DiagnosisResult) -> list[Section]:
     pictures = []
     if result.coordinates:
         least = percent(LEAST_SHARE)
@@ -100,31 +99,31 @@ def _motion(result: DiagnosisResult, _place: str) -> Section | None:
         drawn, count = len(figures.most_open(result)), len(result.captures)
         rest = "" if drawn == count else f" These are the {drawn} of {count} captures with the longest times."
         pictures.append(_picture(figures.spans(result), f"Times with a gap (orange), one row per capture.{rest}"))
-    return Section("Where in the motion", [], pictures, []) if pictures else None
+    return [Section("Where in the motion", [], pictures)] if pictures else []
 
 
 def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
     return interactive.picture(figure, caption, figures.DPI, least)
 
 
-def _shares(result: DiagnosisResult, _place: str) -> Section | None:
+def _shares(result: DiagnosisResult) -> list[Section]:
     effects = [tables.effects(result)] if result.effects else []
     noise = ' Without the noise ("not repeatable") it is the closable gap.' if dict(result.shares).get(NOISE) else ""
     caption = f"The squared gap on {result.judged_on}, split into its parts, which add up to 100 %.{noise}"
     pictures = [_picture(figures.shares(result), caption)] if result.shares else []
-    return Section("Which effect", [], pictures, effects) if pictures or effects else None
+    return [Section("Which effect", [], pictures, effects)] if pictures or effects else []
 
 
-def _distance(result: DiagnosisResult, _place: str) -> Section | None:
+def _distance(result: DiagnosisResult) -> list[Section]:
     if result.verdict == "controller":
-        return None
+        return []
     run = figures.largest_trace(result)
     pictures = []
     if run is not None:
         window = run.time[figures.window(run)]
         caption = f"{run.file}, the run with the largest gap: its worst {window[-1] - window[0]:.2g} s."
         pictures.append(_picture(figures.trace(run, result), caption, 700))
-    return Section("How far the gap shrinks", _predicted(result), pictures, [tables.gaps(result)])
+    return [Section("How far the gap shrinks", _predicted(result), pictures, [tables.gaps(result)])]
 
 
 def _predicted(result: DiagnosisResult) -> list[str]:
@@ -144,23 +143,23 @@ _CAPTIONS = {
 _CAPTION = "Unexplained effort, positive where it opposes the motor."
 
 
-def _unknown(result: DiagnosisResult, place: str) -> Section | None:
+def _unknown(result: DiagnosisResult, place: str) -> list[Section]:
     term = result.unknown
     if term is None:
-        return None
+        return []
     if term.coordinate == "none":
         text = (
             "A part of the gap repeats but follows no coordinate. It is larger than the error of any friction law "
             "along the measured path, or it keeps the simulated loop from following the machine."
         )
-        return Section(_UNKNOWN_TITLE, [text], [], [], ())
+        return [Section(_UNKNOWN_TITLE, [text])]
     text = f"A part of the gap has no known cause: {verdict_text.where_unknown(term)}."
     pictures = [_picture(figures.unknown(result), _CAPTIONS.get(term.coordinate, _CAPTION))]
     commands = (f"stagectl gap apply {place} {_ANY_STAGE} --unknown",) if term.fields else ()
-    return Section(_UNKNOWN_TITLE, [text], pictures, [], commands)
+    return [Section(_UNKNOWN_TITLE, [text], pictures, [], commands)]
 
 
-def _following(result: DiagnosisResult, place: str) -> Section | None:
+def _following(result: DiagnosisResult, place: str) -> list[Section]:
     ambiguous = remarks_text.ambiguous(result)
     lines = [*ambiguous, *remarks_text.outside(result), *remarks_text.advice(result)]
     commands = []
@@ -173,14 +172,4 @@ def _following(result: DiagnosisResult, place: str) -> Section | None:
         )
         commands.append(f"stagectl gap apply {place} {_ANY_STAGE}")
     title = "Ambiguities and next steps" if ambiguous else "Next steps"
-    return Section(title, lines, [], [], tuple(commands)) if lines else None
-
-
-def _parameters(result: DiagnosisResult, _place: str) -> Section | None:
-    values = tables.values(result)
-    return Section("Parameters", [], [], [values]) if values.rows else None
-
-
-def _limits(result: DiagnosisResult, _place: str) -> Section | None:
-    lines = remarks_text.remarks(result)
-    return Section("Notes and limits", lines, [], []) if lines else None
+    return [Section(title, lines, commands=commands)] if lines else []

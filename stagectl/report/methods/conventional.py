@@ -13,18 +13,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.report.constants import DENSE, MODEL_POINTS
-from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded, legend_of_each
 from stagectl.report.page import Picture
 from stagectl.units import ROTARY
 
 SHADES = ("#f59e0b", "#0ea5e9", "#8b5cf6", "#0f766e", "#be123c", "#334155")
 
 
-def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
-    """The figures of this method on an identification's page; the `captures` are not drawn."""
+def pictures(result: IdentificationResult, file: StageFile) -> list[Picture]:
+    """The figures of this method on an identification's page."""
     return [Picture(embedded(figure), f"{caption}.") for caption, figure in figures(result, file).items()]
 
 
@@ -193,9 +192,7 @@ def rolling(result: IdentificationResult, table: Characteristic, file: StageFile
         near.set_xlim(0.0, float(_micro([table.displacement[-1]], scale)[0]))
         near.set_title("where it bends", loc="left", fontsize=9, color=TARGET)
         whole.set_ylabel(f"force without offset [{result.parameters['coulomb'].unit}]")
-        handles, labels = whole.get_legend_handles_labels()
-        by_label = dict(zip(labels, handles, strict=True))
-        whole.legend(by_label.values(), by_label.keys(), loc="lower right", fontsize=8, markerscale=3)
+        legend_of_each(whole, loc="lower right", fontsize=8, markerscale=3)
     return figure
 
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Array, Capture
+from stagectl.identification.capture import Array
 from stagectl.identification.friction.members import FAMILY, Path
 from stagectl.identification.result import IdentificationResult
 from stagectl.report.constants import REVERSAL_BEYOND, REVERSAL_POINTS
@@ -34,7 +34,7 @@ BARS = (
 COLOURS = ("#334155", "#94a3b8", "#2563eb", "#7c3aed", "#0f766e", "#d97706", "#be123c")
 
 
-def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page."""
     rows = result.details["models"]
     drawn = [Picture(embedded(residuals(rows)), "Residual of each model, of rows it was fitted to and rows held out.")]

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.report import interactive
 from stagectl.report.constants import FORCE_SHOWN, MOST_REVERSALS
@@ -43,7 +42,7 @@ class _Curves(NamedTuple):
     effort: str
 
 
-def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page."""
     curves = _curves(result, file)
     drawn = [
@@ -96,9 +95,9 @@ def loops(p: _Curves) -> Figure:
 
 
 def _loop(axis: Axes, p: _Curves, inertia: float, viscous: float) -> None:
-    large, unit = (1e-3, "mm") if p.unit == "µm" else (1e-3, "rad")
+    unit = {"µm": "mm", "mrad": "rad"}[p.unit]
     disturbance = p.columns["force"] - inertia * p.columns["acceleration"] - viscous * p.columns["velocity"]
-    place = large * p.scale * (p.columns["position"] - p.columns["position"][0])
+    place = 1e-3 * p.scale * (p.columns["position"] - p.columns["position"][0])
     axis.plot(place, disturbance, color=WITH if inertia else WITHOUT, linewidth=0.6, alpha=0.8)
     axis.set_xlabel(f"position [{unit}]")
 

@@ -10,31 +10,21 @@ from matplotlib.figure import Figure
 
 from stagectl.config.stage_blocks import Axis as StageAxis
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Capture
 from stagectl.identification.result import IdentificationResult
 from stagectl.report.constants import NEAR_REVERSAL
 from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, effort_unit, embedded
 from stagectl.report.page import Picture
 
-NAMES = {
-    "exponential": "proposed (exponential)",
-    "gaussian": "gaussian",
-    "displacement": "displacement",
-    "symmetric": "conventional (symmetric)",
-    "symmetric-free": "conventional, Cs free",
+FORMS = {  # name and colour of those that are drawn
+    "exponential": ("proposed (exponential)", WITH),
+    "displacement": ("displacement", "#2563eb"),
+    "symmetric": ("conventional (symmetric)", WITHOUT),
+    "symmetric-free": ("conventional, Cs free", "#ca8a04"),
 }
-COLOURS = {
-    "exponential": WITH,
-    "gaussian": "#7c3aed",
-    "displacement": "#2563eb",
-    "symmetric": WITHOUT,
-    "symmetric-free": "#ca8a04",
-}
-SHOWN = ("exponential", "displacement", "symmetric", "symmetric-free")
 SLIDER = StageAxis("linear")
 
 
-def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page."""
     time = (
         "Friction at the first reversal, force minus M a and D v, and the fitted forms. After the crossing it assists "
@@ -56,11 +46,10 @@ def forces_over(over: str, details: Mapping[str, Any], axis: StageAxis = SLIDER)
     x = 1e3 * curves[over][near] * (axis.travel_per_unit if over == "velocity" else 1.0)
     with drawing(figsize=(5.6, 4.4)) as (figure, axes):
         axes.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="measured: F - M a - D v")
-        for name in SHOWN:
-            line = "--" if name.endswith("-free") else "-"
-            rms = float(np.sqrt(np.mean(np.square(curves["friction"] - curves[name]))))
-            label = f"{NAMES[name]}, rms {rms:.2g} {unit}"
-            axes.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
+        for form, (name, colour) in FORMS.items():
+            line = "--" if form.endswith("-free") else "-"
+            rms = float(np.sqrt(np.mean(np.square(curves["friction"] - curves[form]))))
+            axes.plot(x, curves[form][near], line, color=colour, linewidth=1.1, label=f"{name}, rms {rms:.2g} {unit}")
         axes.axhline(0.0, color=FAINT, linewidth=0.6)
         axes.axvline(0.0, color=FAINT, linewidth=0.6)
         axes.set(

@@ -1,19 +1,21 @@
-"""The drive without its loop: what it reports over SDO while nobody, or a stopped process, controls it."""
+"""The drive without its loop: what it reports over SDO, and within which distance it must stand."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import time
-from collections.abc import Iterator
 from typing import NamedTuple
 
+from stagectl.config.stage_file import Setup
+from stagectl.config.time_outs import axis_limits
 from stagectl.drives.bus.frames import Bus, frame
-from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.object_access import PlainSdo
+from stagectl.drives.canopen.pdo import EVENT_TIMER
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.workflows.acceptance.limits import LOOK, PATIENCE, STILL_COUNTS, STILL_TIME
+from stagectl.workflows.acceptance import limits
 
 _OFF = cia402.DeviceCommand.DISABLE_VOLTAGE.controlword.to_bytes(2, "little")
 
@@ -52,7 +54,7 @@ class DriveReader(PlainSdo):
         return cia402.state(self.number(cia402.STATUSWORD) or 0)
 
     def watch_stop(self, start: float, timeout: float, farthest: float) -> Stop:
-        """Watch the axis, left at `start` (rad | m), come to rest within `timeout` (s) and PATIENCE.
+        """Watch the axis, left at `start` (rad | m), come to rest within `timeout` (s) and `PATIENCE`.
 
         One that does not, or goes `farthest` (rad | m) from there, loses its power.
         """
@@ -63,15 +65,15 @@ class DriveReader(PlainSdo):
             here, state, now = self.position(), self.state(), time.monotonic()
             distance = max(distance, abs(here - start))
             path.append((now - begun, here))
-            if abs(here - still) > STILL_COUNTS * self._step:
+            if abs(here - still) > limits.STILL_COUNTS * self._step:
                 still, since = here, now
-            stands, without = now - since > STILL_TIME, state is not DriveState.OPERATION_ENABLED
+            stands, without = now - since > limits.STILL_TIME, state is not DriveState.OPERATION_ENABLED
             if stands and without:
                 return Stop(True, True, distance, max(since - begun, 0.0), state, path)
-            if now - begun > timeout + PATIENCE or distance > farthest:
+            if now - begun > timeout + limits.PATIENCE or distance > farthest:
                 self.cut_power()
                 return Stop(stands, without, distance, now - begun, state, path)
-            time.sleep(LOOK)
+            time.sleep(limits.LOOK)
 
     def cut_power(self) -> None:
         """Disable voltage, by SDO and NMT; never raises."""
@@ -80,8 +82,64 @@ class DriveReader(PlainSdo):
             self.write(_OFF, cia402.CONTROLWORD)
 
 
-@contextlib.contextmanager
-def reading(wire: Canopen, step: float) -> Iterator[DriveReader]:
-    """A reader on a bus of its own; nothing is sent but what is asked for."""
-    with contextlib.closing(open_bus(wire.interface, wire.channel, wire.bitrate)) as bus:
-        yield DriveReader(wire, bus, step)
+_QUICK_STOP, _FAULT, _COASTS = 3, 1, 0  # options of 0x6007; option of 0x605E
+_MILLISECONDS = 1e-3
+
+
+class Protection(NamedTuple):
+    """What the drive itself holds against the loss of its controller, as it was read."""
+
+    supervisors: dict[str, float]  # s, by name; only those that are on
+    reaction: int | None  # 0x6007
+    fault_reaction: int | None  # 0x605E
+
+    @property
+    def timeout(self) -> float:
+        """Silence (s) after which the first supervisor acts; inf: none does."""
+        return min(self.supervisors.values(), default=math.inf)
+
+    @property
+    def brakes(self) -> bool:
+        """By its ramp; False: it cuts the power and the axis coasts."""
+        by_fault = self.reaction == _FAULT and self.fault_reaction not in (None, _COASTS)
+        return self.reaction == _QUICK_STOP or by_fault
+
+
+UNREAD = Protection({}, None, None)
+
+
+def read_protection(drive: DriveReader, controller: int) -> Protection:
+    """Supervisors that watch the node `controller`, and the reaction.  Raises DriveError."""
+    consumed = drive.number(cia402.CONSUMER_HEARTBEAT, 1) or 0
+    guarded = (drive.number(cia402.GUARD_TIME) or 0) * (drive.number(cia402.LIFE_TIME_FACTOR) or 0)
+    times = {
+        "RPDO time-out (0x1400:05)": drive.number(cia402.RPDO_PARAMETER, EVENT_TIMER) or 0,
+        "heartbeat of the controller (0x1016:01)": consumed & 0xFFFF if consumed >> 16 & 0x7F == controller else 0,
+        "life guarding (0x100C, 0x100D)": guarded,
+    }
+    return Protection(
+        {name: value * _MILLISECONDS for name, value in times.items() if value},
+        drive.number(cia402.ABORT_CONNECTION, signed=True),
+        drive.number(cia402.FAULT_REACTION, signed=True),
+    )
+
+
+def lost_controller_bound(setup: Setup, protection: Protection, speed: float, current: float) -> float:
+    """Distance (rad | m) after the controller's death at `speed`, the drive holding `current` (A) until it notices."""
+    time = limits.LATENESS * protection.timeout + limits.STOP_PERIODS * setup.dt
+    return _bound(setup, (speed, current, time), protection.brakes)
+
+
+def quick_stop_bound(setup: Setup, speed: float, current: float) -> float:
+    """Distance (rad | m) of a stop that the loop asks for at `speed` under `current` (A)."""
+    return _bound(setup, (speed, current, limits.STOP_PERIODS * setup.dt), True)
+
+
+def _bound(setup: Setup, left: tuple[float, float, float], brakes: bool) -> float:
+    """Run-on from a speed under a current for a time, see `drives.run_on`; and what the axis settles by."""
+    speed, current, time = abs(left[0]), abs(left[1]), left[2]
+    allowed, mechanics = axis_limits(setup.file), setup.stage.mechanics
+    effort = current * setup.stage.motor.force_constant + abs(mechanics.bias)
+    worst = allowed.braking if brakes else allowed.coasting
+    run_on = worst._replace(speed=speed, acceleration=effort / mechanics.inertia)
+    return run_on.distance(time) + limits.SETTLING_SHARE * setup.file.limits.following_error

@@ -5,10 +5,7 @@ from __future__ import annotations
 # How far, how fast and with how much current an axis is tried
 CURRENT_FACTOR = 2.0  # of the model's breakaway current; chosen; the test current, where none is given
 CURRENT_SHARE = 0.05  # of drive.current_limit; chosen; the same where the model has no friction
-SPEED_SHARE, GUARD_SHARE = (
-    0.02,
-    0.1,
-)  # of limits.speed; chosen; the speed of each test, and that at which the loop stops
+SPEED_SHARE, GUARD_SHARE = 0.02, 0.1  # of limits.speed; chosen; that of each test, and that at which the loop stops
 WINDOW_SHARE = 0.05  # of the travel; chosen; room to either side of the start, beyond which the loop stops
 NARROW_SHARE = 0.1  # of the window; chosen; the same while the polarity is not known; and the way to the test limits
 RAMP_TIME, FALL_TIME = 4.0, 0.2  # s; chosen; in which the current rises to the test current, and falls again

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from stagectl.number_format import length, prefix
 from stagectl.problem import Problem, ProblemKind
 from stagectl.report import interactive
-from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, legend_of_each
 from stagectl.report.page import Page, Picture, Table, write
 from stagectl.units import StageError
 from stagectl.workflows.acceptance.result import Acceptance, Outcome, StepResult
@@ -123,8 +123,9 @@ def _picture(step: StepResult, scale: float, unit: str) -> Picture:
         event = next((trace.event for trace in step.traces if trace.event), "")
         way.set_ylabel(f"position [{unit}]")
         current.set(ylabel="current [A]", xlabel=f"time after {event} [s]" if event else "time [s]")
-        _named(way)
-        _named(current)
+        for axes in (way, current):
+            legend_of_each(axes, fontsize=7, ncols=3, columnspacing=1.0, handlelength=1.4, loc="lower left",
+                           bbox_to_anchor=(-0.02, 0.98))  # fmt: skip
     return interactive.picture(figure, f"{step.name}: {step.title}")
 
 
@@ -175,13 +176,3 @@ def _bounds(way: Axes, trace: Trace, origin: float, scale: float, step: StepResu
 
 def _dashed(label: str) -> dict[str, Any]:
     return {"color": "#b91c1c", "linestyle": "--", "linewidth": 1.0, "label": label}
-
-
-def _named(axes: Axes) -> None:
-    """A legend with each name once."""
-    handles, labels = axes.get_legend_handles_labels()
-    once = {label: handle for handle, label in zip(handles, labels, strict=True)}
-    axes.legend(
-        list(once.values()), list(once), fontsize=7, ncols=3, columnspacing=1.0, handlelength=1.4,
-        loc="lower left", bbox_to_anchor=(-0.02, 0.98),
-    )  # fmt: skip

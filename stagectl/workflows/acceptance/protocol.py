@@ -102,17 +102,13 @@ def _performed(bench: Workbench, person: Signatory, say: Say) -> tuple[StepResul
 
 def _done(bench: Workbench, step: Step) -> StepResult:
     bench.traces.clear()
-    return _tried(bench, step)._replace(traces=tuple(bench.traces))
-
-
-def _tried(bench: Workbench, step: Step) -> StepResult:
     try:
-        outcome, words, measured, bound, facts = step.run(bench)
+        found = step.run(bench)
     except StepError as error:
-        return StepResult(step.name, step.title, Outcome.FAILED, str(error), error.measured, error.bound, error.facts)
+        found = error.found
     except (StageError, OSError) as error:  # the drive refused, or the bus failed
-        return StepResult(step.name, step.title, Outcome.FAILED, str(error))
-    return StepResult(step.name, step.title, outcome, words, measured, bound, facts)
+        found = Found(Outcome.FAILED, str(error))
+    return StepResult(step.name, step.title, *found, traces=tuple(bench.traces))
 
 
 def _announced(bench: Workbench, step: Step) -> str:

@@ -43,9 +43,9 @@ class StepResult(NamedTuple):
     title: str
     outcome: Outcome
     words: str
+    facts: Mapping[str, Any] = MappingProxyType({})  # JSON values
     measured: float | None = None
     bound: float | None = None
-    facts: Mapping[str, Any] = MappingProxyType({})  # JSON values
     traces: tuple[Trace, ...] = ()  # of its trials under power
 
     def content(self) -> dict[str, Any]:

@@ -18,23 +18,13 @@ from stagectl.drives.canopen.presets import for_vendor
 from stagectl.drives.canopen.probe import against_eds
 from stagectl.drives.canopen.probe import identity as reported_identity
 from stagectl.drives.drive import Fault
-from stagectl.kernels import rollout
 from stagectl.service.virtual_timeouts import waits_for_sync
-from stagectl.workflows.acceptance.limits import (
-    CLIP_FACTOR,
-    CLIP_TIME,
-    COUNTS,
-    DELIVERED,
-    OVERSHOOT,
-    POLARITY_COUNTS,
-    RAMP_TIME,
-)
-from stagectl.workflows.acceptance.stop_bounds import lost_controller_bound, quick_stop_bound, read_protection
-from stagectl.workflows.acceptance.traces import Mark
+from stagectl.workflows.acceptance import limits
+from stagectl.workflows.acceptance.drive_reader import lost_controller_bound, quick_stop_bound, read_protection
+from stagectl.workflows.acceptance.traces import CURRENT, FLOWING, Mark
 from stagectl.workflows.acceptance.trial import Push, Seen, connected, ramp
 from stagectl.workflows.acceptance.workbench import Found, StepError, Workbench, passed
 
-_COMMANDED, _FLOWING = rollout.COLUMNS.index("current"), rollout.COLUMNS.index("measured_current")
 _LIMITS = (Fault.TRAVEL, Fault.BRAKING)
 
 
@@ -62,27 +52,25 @@ def current_limit(bench: Workbench) -> Found:
     """More current than a limit is asked for: law and drive keep to the limit, and the drive gives it."""
     limit, dt = bench.moving_current, bench.setup.dt
     here = bench.ready()
-    held = np.full(max(2, round(CLIP_TIME / dt)), CLIP_FACTOR * limit)
-    push = Push(np.concatenate([ramp(CLIP_FACTOR * limit, CLIP_TIME, dt)[: round(CLIP_TIME / dt)], held, np.zeros(2)]),
-                limit, here - bench.window, here + bench.window)  # fmt: skip
+    asked, periods = limits.CLIP_FACTOR * limit, round(limits.CLIP_TIME / dt)
+    rise, held = ramp(asked, limits.CLIP_TIME, dt)[:periods], np.full(max(2, periods), asked)
+    push = Push(np.concatenate([rise, held, np.zeros(2)]), limit, here - bench.window, here + bench.window)
     with bench.pushed(push, here, Mark(limit=limit)) as trial:
-        trial.until(lambda now: False, 2.0 * CLIP_TIME)
+        trial.until(lambda now: False, 2.0 * limits.CLIP_TIME)
         rows = trial.rows(len(push.currents))
         ended = trial.end()
-    commanded, flowing = float(np.max(np.abs(rows[:, _COMMANDED]))), rows[:, _FLOWING]
+    commanded, flowing = float(np.max(np.abs(rows[:, CURRENT]))), rows[:, FLOWING]
     if np.isnan(flowing).any():
         raise StepError("the drive reports no measured current (drive.wire.current_object): its limit cannot be tried")
     largest, usual = float(np.max(np.abs(flowing))), float(np.median(np.abs(flowing[len(flowing) // 2 : -2])))
-    facts = {"asked": CLIP_FACTOR * limit, "limit": limit, "commanded": commanded, "largest": largest, "usual": usual}
-    slack = COUNTS * bench.wire.current_scale
-    if commanded > limit or largest > OVERSHOOT * limit + slack or usual < DELIVERED * limit - slack:
+    facts = {"asked": asked, "limit": limit, "commanded": commanded, "largest": largest, "usual": usual}
+    slack = limits.COUNTS * bench.wire.current_scale
+    if commanded > limit or largest > limits.OVERSHOOT * limit + slack or usual < limits.DELIVERED * limit - slack:
         raise StepError(
             f"with a limit of {limit:.3g} A, {commanded:.3g} A were commanded, {largest:.3g} A flowed at most, and"
             f" {usual:.3g} A usually; {ended.words}".rstrip("; "), facts
         )  # fmt: skip
-    return passed(
-        f"{CLIP_FACTOR * limit:.3g} A asked for, limit {limit:.3g} A, at most {largest:.3g} A flowed", **facts
-    )
+    return passed(f"{asked:.3g} A asked for, limit {limit:.3g} A, at most {largest:.3g} A flowed", **facts)
 
 
 def killed(bench: Workbench) -> Found:
@@ -124,7 +112,7 @@ def travel_limits(bench: Workbench) -> Found:
     for direction in (1, -1):
         with bench.creeping(direction, bench.narrow) as (trial, here):
             bench.mark = Mark("high" if direction > 0 else "low", origin=here + direction * bench.narrow)
-            trial.until(lambda now: False, RAMP_TIME)
+            trial.until(lambda now: False, limits.RAMP_TIME)
             last, ended = trial.seen(), trial.end()
         if ended.fault not in _LIMITS or last is None:
             raise StepError(f"the loop did not stop the axis at its limit: {ended.words or 'no fault'}", facts)
@@ -144,18 +132,17 @@ def _lost(bench: Workbench, seen: Seen, event: str) -> Found:
     bound = min(lost_controller_bound(bench.setup, bench.protection, seen.speed, seen.current), bench.window)
     stop = bench.stopped(seen, bench.protection.timeout, bound)
     facts = {"time": stop.time, "speed": bench.table(seen.speed), "state": stop.state.words}
-    outcome, words, measured, most, facts = bench.judged(stop.distance, bound, **facts)
-    if waits_for_sync(bench.setup):
-        words += "; this proves nothing: the time of this virtual drive stands still while the bus is silent"
-    return outcome, words, measured, most, facts
+    found = bench.judged(stop.distance, bound, **facts)
+    nothing = "; this proves nothing: the time of this virtual drive stands still while the bus is silent"
+    return found._replace(words=found.words + nothing) if waits_for_sync(bench.setup) else found
 
 
 def _nudged(bench: Workbench, direction: int) -> tuple[Seen, float]:
     """The axis as it begins to move, either way, and by how much (rad | m); it is stopped at once."""
-    least = POLARITY_COUNTS * bench.step
+    least = limits.POLARITY_COUNTS * bench.step
     with bench.creeping(direction, max(bench.narrow, 4.0 * least)) as (trial, here):
         bench.mark = Mark("positive" if direction > 0 else "negative", least=direction * least)
-        seen = trial.until(lambda now: abs(now.position - here) >= least, RAMP_TIME)
+        seen = trial.until(lambda now: abs(now.position - here) >= least, limits.RAMP_TIME)
         if seen is None:
             ended = trial.end()
             reason = ended.words or f"{direction * bench.current:+.3g} A do not move the axis"
@@ -175,7 +162,7 @@ _MILLI = 1e-3
 
 def identity(bench: Workbench) -> Found:
     """The drive is the one that EDS and stage file are for.  Nothing is written."""
-    with bench.reading_alone() as drive:
+    with bench.reading(beside_a_loop=False) as drive:
         check_profile(drive.number(cia402.DEVICE_TYPE) or 0, bench.wire.node)
         bench.drive = {name: shown for name, shown in reported_identity(drive.read, _TEXTS).items() if shown}
         preset = for_vendor(drive.number(cia402.IDENTITY, 1))
@@ -194,7 +181,7 @@ def identity(bench: Workbench) -> Found:
 def protection(bench: Workbench) -> Found:
     """Set up as for a run, without power; then supervisors and reaction are read back on another connection."""
     description = connected(bench.setup)
-    with bench.reading_alone() as drive:
+    with bench.reading(beside_a_loop=False) as drive:
         held = bench.protection = read_protection(drive, MASTER)
     facts: dict[str, Any] = {
         **{name: f"{time:g} s" for name, time in held.supervisors.items()},
@@ -203,8 +190,7 @@ def protection(bench: Workbench) -> Found:
     facts |= {"set-up": description}
     if not held.supervisors:
         raise StepError(
-            "no supervisor is on in the drive (0x1016, 0x1400:05, 0x100C): it does not notice a dead controller",
-            facts,
+            "no supervisor is on in the drive (0x1016, 0x1400:05, 0x100C): it does not notice a dead controller", facts
         )
     if held.reaction not in _STOPPING:
         reported = "absent" if held.reaction is None else held.reaction

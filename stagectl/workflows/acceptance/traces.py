@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stagectl.kernels import rollout
 from stagectl.workflows.acceptance.limits import TRACE_DIGITS, TRACE_LEAD, TRACE_POINTS
 
-_MEASURED, _CURRENT, _FLOWING = (rollout.COLUMNS.index(name) for name in ("measured", "current", "measured_current"))
+MEASURED, CURRENT, FLOWING = (rollout.COLUMNS.index(name) for name in ("measured", "current", "measured_current"))
 Path = list[tuple[float, float]]  # s after the axis was left, and position (rad | m), read over SDO
 
 
@@ -52,9 +52,9 @@ def traced(rows: NDArray[np.float64], first: int, grid: tuple[float, float, floa
         rows, number = rows[number >= zero - TRACE_LEAD / dt], number[number >= zero - TRACE_LEAD / dt]
     kept = _thinned(rows)
     rows, number = rows[kept], number[kept]
-    flowing = rows[:, _FLOWING]
+    flowing = rows[:, FLOWING]
     return Trace(
-        mark.name, _short((number - zero) * dt), _short((rows[:, _MEASURED] - here) * per), _short(rows[:, _CURRENT]),
+        mark.name, _short((number - zero) * dt), _short((rows[:, MEASURED] - here) * per), _short(rows[:, CURRENT]),
         [] if np.isnan(flowing).any() else _short(flowing),
         _read(after[:: 1 + len(after) // TRACE_POINTS], here, per),
         mark.event, *_short_or_none(mark, here, per),
@@ -76,7 +76,7 @@ def _thinned(rows: NDArray[np.float64]) -> NDArray[np.intp]:
     if not len(rows):
         return np.zeros(0, np.intp)
     even = np.linspace(0, len(rows) - 1, min(len(rows), TRACE_POINTS)).astype(np.intp)
-    watched = np.nan_to_num(rows[:, [_MEASURED, _CURRENT, _FLOWING]])
+    watched = np.nan_to_num(rows[:, [MEASURED, CURRENT, FLOWING]])
     return np.unique(np.concatenate([even, watched.argmax(axis=0), watched.argmin(axis=0)]))
 
 

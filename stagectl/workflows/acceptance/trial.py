@@ -34,9 +34,7 @@ from stagectl.service.child_process import Child
 from stagectl.service.job_from_stage import orders, post
 from stagectl.service.single_motion import Shared, closed_after, event_of, laid_on, started
 from stagectl.workflows.acceptance.limits import FALL_TIME, GUARD_SHARE, LOOK, LOOP_PATIENCE, SPEED_TIME
-
-_PLACES = {name: place for place, name in enumerate(rollout.COLUMNS)}
-_MEASURED, _CURRENT, _FLOWING = (_PLACES[name] for name in ("measured", "current", "measured_current"))
+from stagectl.workflows.acceptance.traces import CURRENT, FLOWING, MEASURED
 
 
 class Push(NamedTuple):
@@ -90,11 +88,11 @@ class Trial:
         rows = self.rows(self._window)
         if not len(rows):
             return None
-        position = rows[:, _MEASURED]
+        position = rows[:, MEASURED]
         span = (len(rows) - 1) * self._dt
         speed = float(position[-1] - position[0]) / span if len(rows) == self._window else 0.0
         last = rows[-1]
-        return Seen(self._ring.written, float(last[_MEASURED]), speed, float(last[_CURRENT]), float(last[_FLOWING]))
+        return Seen(self._ring.written, float(last[MEASURED]), speed, float(last[CURRENT]), float(last[FLOWING]))
 
     def rows(self, most: int) -> NDArray[np.float64]:
         """The last rows (n, WIDTH), at most so many."""

@@ -3,44 +3,42 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.bus.other_masters import alone
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.kernels import stage
 from stagectl.motion_limits import check_current
 from stagectl.number_format import length
 from stagectl.service.virtual_timeouts import patient
-from stagectl.workflows.acceptance.drive_reader import DriveReader, Stop, reading
-from stagectl.workflows.acceptance.limits import (
-    CURRENT_FACTOR,
-    CURRENT_SHARE,
-    NARROW_SHARE,
-    RAMP_TIME,
-    SPEED_SHARE,
-    WINDOW_SHARE,
-)
+from stagectl.workflows.acceptance import limits
+from stagectl.workflows.acceptance.drive_reader import UNREAD, DriveReader, Protection, Stop
 from stagectl.workflows.acceptance.result import Outcome
-from stagectl.workflows.acceptance.stop_bounds import UNREAD, Protection
 from stagectl.workflows.acceptance.traces import Mark, Path, Trace, traced
 from stagectl.workflows.acceptance.trial import Push, Seen, Trial, ramp, trying
 
 
-class StepError(DriveError):
-    """A step that was done and not passed; `facts` and the distances (m of the table | rad) go into its result."""
+class Found(NamedTuple):
+    """How a step ended; the distances in m of the table, or in rad."""
 
-    def __init__(
-        self,
-        words: str,
-        facts: dict[str, Any] | None = None,
-        measured: float | None = None,
-        bound: float | None = None,
-    ) -> None:
+    outcome: Outcome
+    words: str
+    facts: Mapping[str, Any] = MappingProxyType({})
+    measured: float | None = None
+    bound: float | None = None
+
+
+class StepError(DriveError):
+    """A step that was done and not passed."""
+
+    def __init__(self, words: str, facts: Mapping[str, Any] = MappingProxyType({}), *distances: float) -> None:
         super().__init__(words)
-        self.facts, self.measured, self.bound = facts or {}, measured, bound
+        self.found = Found(Outcome.FAILED, words, facts, *distances)
 
 
 @dataclass
@@ -87,17 +85,17 @@ class Workbench:
     def window(self) -> float:
         """Room to either side of the start (rad | m)."""
         low, high = self.setup.file.limits.travel
-        return WINDOW_SHARE * (high - low)
+        return limits.WINDOW_SHARE * (high - low)
 
     @property
     def narrow(self) -> float:
         """The same where little is known yet."""
-        return NARROW_SHARE * self.window
+        return limits.NARROW_SHARE * self.window
 
     @property
     def test_speed(self) -> float:
         """Speed (rad/s | m/s) at which stops are tried."""
-        return SPEED_SHARE * self.setup.file.limits.speed
+        return limits.SPEED_SHARE * self.setup.file.limits.speed
 
     def table(self, way: float) -> float:
         """A distance of the axis (rad | m) as one of the table."""
@@ -107,18 +105,17 @@ class Workbench:
         """A distance of the axis as a person reads it."""
         return length(self.table(way), self.setup.file.axis.travel_unit)
 
-    def reading(self) -> contextlib.AbstractContextManager[DriveReader]:
-        """The drive, with or without a loop on the bus."""
-        return reading(self.wire, self.step)
-
     @contextlib.contextmanager
-    def reading_alone(self) -> Iterator[DriveReader]:
-        """The drive, where no master may be at work.  Raises OtherMasterError."""
-        from stagectl.drives.bus.interfaces import open_bus
+    def reading(self, beside_a_loop: bool = True) -> Iterator[DriveReader]:
+        """The drive on a bus of its own, to which nothing is sent but what is asked for.
 
+        Raises OtherMasterError where a master is at work, unless that is our loop.
+        """
         wire = self.wire
-        bus = open_bus(wire.interface, wire.channel, wire.bitrate)
-        with contextlib.closing(bus), alone(wire, bus, self.setup.file.name):
+        with (
+            contextlib.closing(open_bus(wire.interface, wire.channel, wire.bitrate)) as bus,
+            contextlib.nullcontext() if beside_a_loop else alone(wire, bus, self.setup.file.name),
+        ):
             yield DriveReader(wire, bus, self.step)
 
     def ready(self) -> float:
@@ -130,7 +127,7 @@ class Workbench:
     def creeping(self, direction: int, room: float) -> Iterator[tuple[Trial, float]]:
         """The axis begins to creep in a `direction`, with `room` (rad | m) to either side of where it is."""
         here = self.ready()
-        currents = direction * ramp(self.current, RAMP_TIME, self.setup.dt)
+        currents = direction * ramp(self.current, limits.RAMP_TIME, self.setup.dt)
         with self.pushed(Push(currents, self.current, here - room, here + room), here, Mark()) as trial:
             yield trial, here
 
@@ -152,7 +149,7 @@ class Workbench:
 
     def at_speed(self, trial: Trial, direction: int) -> Seen:
         """The axis once it moves at the test speed.  Raises StepError where the loop ended before."""
-        seen = trial.until(lambda now: direction * now.speed >= self.test_speed, RAMP_TIME)
+        seen = trial.until(lambda now: direction * now.speed >= self.test_speed, limits.RAMP_TIME)
         if seen is None:
             ended = trial.end()
             reason = ended.words or f"the current rose to {self.current:g} A, and the axis did not reach the test speed"
@@ -172,23 +169,20 @@ class Workbench:
             )  # fmt: skip
         return stop
 
-    def judged(self, distance: float, bound: float, **facts: Any) -> tuple[Outcome, str, float, float, dict[str, Any]]:
+    def judged(self, distance: float, bound: float, **facts: Any) -> Found:
         """A measured distance (rad | m) against its bound."""
         outcome = Outcome.PASSED if distance <= bound else Outcome.FAILED
         relation = "within" if outcome is Outcome.PASSED else "BEYOND"
         words = f"it stood after {self.words(distance)}, {relation} the bound of {self.words(bound)}"
-        return outcome, words, self.table(distance), self.table(bound), facts
-
-
-Found = tuple[Outcome, str, float | None, float | None, dict[str, Any]]
+        return Found(outcome, words, facts, self.table(distance), self.table(bound))
 
 
 def passed(words: str, **facts: Any) -> Found:
     """A step without a distance that is as it must be."""
-    return Outcome.PASSED, words, None, None, facts
+    return Found(Outcome.PASSED, words, facts)
 
 
 def _test_current(setup: Setup) -> float:
     p = setup.stage
     breakaway = stage.sliding(p.friction) * (1.0 + p.friction.stribeck.rise) / p.motor.force_constant
-    return min(p.drive.current_limit, CURRENT_FACTOR * breakaway or CURRENT_SHARE * p.drive.current_limit)
+    return min(p.drive.current_limit, limits.CURRENT_FACTOR * breakaway or limits.CURRENT_SHARE * p.drive.current_limit)

@@ -43,7 +43,30 @@ def test_a_current_that_was_not_measured_has_no_gap() -> None:
 def test_the_floor_of_repeats_is_half_their_mean_squared_difference() -> None:
     """Two that differ by 2 everywhere: 4 / 2 a sample in each of them, the variance of a single one."""
     sums = held_out_gap.floor(judged(np.ones(8), -np.ones(8)), [ZERO, ZERO], "position")
-    assert sums.squares.tolist() == [8.0] * 4 and sums.samples.tolist() == [4.0] * 4
+    assert sums.squares.tolist() == [16.0] * 2 and sums.samples.tolist() == [8.0] * 2
+
+
+def test_a_repeat_makes_no_interval_narrower() -> None:
+    """What a model leaves is the same in each repeat of a half stroke, in whatever order the logs come."""
+    rng = np.random.default_rng(1)
+    strokes = [slice(4 * k, 4 * k + 4) for k in range(10)]
+    paths = {name: np.repeat(rng.normal(size=10), 4) for name in ("sine", "scan")}
+    zero, shrunk = np.zeros((40, rollout.WIDTH)), np.zeros((40, rollout.WIDTH))
+    place = rollout.COLUMNS.index("measured")
+
+    def intervals(repeats: int) -> tuple[float, float]:
+        order = [(name, number) for number in range(repeats) for name in paths]
+        logs = [JudgedLog(log(paths[name], f"{name}{number}", name), strokes) for name, number in order]
+        simulated = []
+        for name, _ in order:
+            shrunk[:, place] = paths[name] * (1.0 - 0.3 * np.abs(paths[name]))
+            simulated.append(shrunk.copy())
+        before = held_out_gap.squares(logs, [zero] * len(logs), "position")
+        after = held_out_gap.squares(logs, simulated, "position")
+        gap = held_out_gap.gap(before, after, held_out_gap.floor(logs, simulated, "position"), "m")
+        return gap.low, gap.high
+
+    assert intervals(3) == pytest.approx(intervals(1), rel=1e-9)
 
 
 def test_a_difference_that_the_model_predicts_is_no_noise() -> None:

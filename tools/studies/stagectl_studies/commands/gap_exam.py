@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from stagectl.api.arguments import ArgumentError
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json
 from stagectl.cli.show import console, emit, progress
 from stagectl.extras import require
 from stagectl.units import StageError

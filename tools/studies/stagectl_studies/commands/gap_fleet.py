@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stagectl.cli.gap_diagnose import Exclude, Full
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json
 from stagectl.cli.show import console, emit, progress, single_threaded_algebra
 
 if TYPE_CHECKING:

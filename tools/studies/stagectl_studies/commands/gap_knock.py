@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.gap_diagnose import Folder, Full, StageFile
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json
 from stagectl.cli.show import console, emit, progress, single_threaded_algebra
 from stagectl.named_values import names_of
 

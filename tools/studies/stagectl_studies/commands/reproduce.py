@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli.motion import Json
+from stagectl.cli.options import Json
 from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
