@@ -17,8 +17,9 @@ import numpy as np
 from stagectl.problem import ProblemKind
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
-from stagectl.recording.guess import motion, roles, units
-from stagectl.recording.guess.roles import Column, Role, hinted
+from stagectl.recording.guess import motion, names, roles, units
+from stagectl.recording.guess.names import Column, by_name, hinted
+from stagectl.recording.guess.roles import Role
 from stagectl.recording.guess.units import Unit
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import SHARES, Known, Scales
@@ -59,7 +60,7 @@ def guess(path: Path, known: Known, named: Collection[str] = ()) -> Guess:
 
     Raises RecordingError where there is no time, or nothing that moves.
     """
-    columns = roles.live(roles.read(path))
+    columns = roles.live(names.read(path))
     time = roles.time_of(columns)
     if time is None:
         reason = f"{path} has no column that runs on as a time does; say which it is: --columns time=..."
@@ -168,7 +169,7 @@ def _after_its_command(driving: list[Role], blocks: motion.Blocks) -> Role:
     """The measured column: of two that are named alike, or both not, the one that follows the other."""
     first = driving[0]
     command = _command(driving, first, blocks)
-    alike = command is not None and roles.by_name(command.column) == roles.by_name(first.column)
+    alike = command is not None and by_name(command.column) == by_name(first.column)
     return command if command and alike and roles.ahead(first, command) else first
 
 
