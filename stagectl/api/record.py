@@ -169,7 +169,7 @@ class RecordFolder(Sequence[MotionRecord], PrintedResult):
 def load_log(
     path: PathLike, columns: Mapping[str, str] | str | None = None, stage: StageLike | None = None
 ) -> MotionRecord | RecordFolder:
-    """A recording (``.h5``), a log (``.csv``, ``.mat``), or all records of a folder.
+    """A recording (``.h5``), a log (a text table, ``.mat``), or all records of a folder.
 
     `columns` says which column is which where names do not: ``{"time": "t", "position": "qm:mm"}``.  `stage` is the
     machine of the log, for its scales.

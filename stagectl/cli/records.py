@@ -123,7 +123,7 @@ def _export_recordings(recordings: list[Path], to: Format, output: Path | None, 
 
 
 def import_(
-    source: Annotated[Path, argument("FILE", "A .csv, a .mat, a folder of captures, or a folder of logs.")],
+    source: Annotated[Path, argument("FILE", "A text table, a .mat, a folder of captures, or a folder of logs.")],
     stage: Annotated[Path | None, option("--stage STAGE.yaml", "Stage file with the scales of the columns.")] = None,
     output: Where = None,
     columns: Annotated[
@@ -148,11 +148,11 @@ def import_(
     """
     from stagectl.config.stage_file import load_stage
     from stagectl.recording.columns import split
-    from stagectl.recording.guess.guess import Known
     from stagectl.recording.guess.importing import import_log
+    from stagectl.recording.scales import Known
 
     words = split(columns) if columns else None
-    known = Known(*(_scale(name, value) for name, value in (("counts", counts), ("force-constant", force_constant))))
+    known = Known(_scale("counts", counts, stage), _scale("force-constant", force_constant, stage))
     logs = import_log(source, load_stage(stage) if stage else None, words, known, yes)
     paths = _stored([log.recording for log in logs], source, output)
     written = []
@@ -168,8 +168,10 @@ def import_(
     emit({"imported": written}, json)
 
 
-def _scale(name: str, value: float | None) -> float:
+def _scale(name: str, value: float | None, stage: Path | None) -> float:
     """A scale that an option states; 0 where it does not.  Raises ArgumentError where it is not above 0."""
+    if value is not None and stage is not None:
+        raise ArgumentError(name, f"{value:g}", f"; {stage} says it: leave out one of the two")
     if value is not None and not 0.0 < value < math.inf:
         turn = "; a minus before the column turns it: --columns position=-2:counts" if value < 0.0 else ""
         raise ArgumentError(name, f"{value:g}", f"; must lie in (0, inf){turn}")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stagectl.named_values import pairs
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.scales import Scales, bases_of, is_unit
+from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, bases_of, is_unit
 from stagectl.units import LINEAR, ROTARY, StageError, factor, unit_on
 
 Array = NDArray[np.float64]
@@ -174,10 +174,10 @@ def _unit(choice: Choice, scales: Scales, path: Path) -> str:
 
 
 def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
-    """The kind of the axis by the units of its positions.  Raises RecordingError where they do not show it."""
+    """The kind of the axis by the units of its positions or velocities.  Raises RecordingError where none shows it."""
     known = [unit for unit in units if unit]
     for bases in map(bases_of, known):
-        if bases in ({"rad": 1}, {"m": 1}):
+        if bases in ({"rad": 1}, {"m": 1}, {"rad": 1, "s": -1}, {"m": 1, "s": -1}):
             return Scales(ROTARY, travel_unit="rad") if "rad" in bases else Scales(LINEAR)
     what = f" from a position in {known[0]}" if known else ": no column is named position_<unit>"
     reason = (
@@ -188,16 +188,16 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
 
 
 def of_choices(
-    chosen: list[Choice], taken: Scales | None, path: Path
+    chosen: list[Choice], taken: Scales | None, path: Path, known: Known = NOTHING_KNOWN
 ) -> tuple[Scales, dict[str, tuple[Choice, float]]]:
     """The axis, and our columns by name: where each is, and its factor into SI.
 
-    The scales are those that are `taken`, else those that follow from the units of the positions.
+    The scales are those that are `taken`, else those that follow from the units of the positions, with what is `known`.
     Raises RecordingError where time or position is not among them.
     """
-    units = (choice.unit for choice in chosen if choice.quantity == "position")
-    scales = taken or scales_by_unit(units, path)
-    known: dict[str, tuple[Choice, float]] = {}
+    units = (choice.unit for choice in chosen if choice.quantity in ("position", "velocity"))
+    scales = taken or known.on(scales_by_unit(units, path))
+    found: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:
         unit = _unit(choice, scales, path)
         try:
@@ -205,12 +205,12 @@ def of_choices(
         except StageError as error:
             reason = f"--columns {choice.quantity}={choice.written}{unit and f':{unit}'}: {error}"
             raise RecordingError(reason, path, ProblemKind.UNIT, column=choice.name) from error
-        if ours in known:
-            reason = f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one"
+        if ours in found:
+            reason = f"{path} has two columns for {ours}, {found[ours][0].name} and {choice.name}: name one"
             raise RecordingError(reason, path, ProblemKind.REPEATED, column=ours)
-        known[ours] = (choice, scale * choice.sign)
+        found[ours] = (choice, scale * choice.sign)
     for ours, quantity in (("time", "time"), ("measured", "position")):
-        if ours not in known and not (ours == "measured" and "velocity" in known):
+        if ours not in found and not (ours == "measured" and "velocity" in found):
             reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
             raise RecordingError(reason, path, ProblemKind.MISSING, column=ours)
-    return scales, known
+    return scales, found

@@ -44,11 +44,11 @@ def not_hdf5(path: Path) -> str:
         return "is an HDF5 file, but damaged; copy it again"
     if what := stranger(path):
         return what
-    if path.suffix in (".csv", ".mat"):
+    if path.suffix in (".csv", ".txt", ".mat"):
         return (
             f"is a log, and a recording belongs here: `stagectl import {path} -o {path.with_suffix('.h5')}` makes one"
         )
-    if _is_text(path):
+    if is_text(path):
         return f"holds text and is no HDF5 file; if it is a log, give it the name {path.with_suffix('.csv').name}"
     return "is no HDF5 file; give a recording of stagectl (.h5), or a log as .csv or .mat"
 
@@ -63,7 +63,13 @@ def foreign(names: Iterable[str]) -> str:
     )
 
 
-def _is_text(path: Path) -> bool:
+def is_wide(path: Path) -> bool:
+    """Whether a file is text in UTF-16, as spreadsheets save it."""
+    return _head(path).startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+
+
+def is_text(path: Path) -> bool:
+    """Whether a file begins as text in UTF-8 does."""
     try:
         text = _head(path).decode(errors="strict")
     except UnicodeDecodeError as error:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import codecs
 import csv
 import itertools
+import re
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.problem import ProblemKind
 from stagectl.recording.constants import HEADER_LINES, SHOWN_CELLS, TAIL_BYTES, TAIL_LINES
-from stagectl.recording.content import is_hdf5, stranger
+from stagectl.recording.content import is_hdf5, is_text, is_wide, stranger
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.time_stamps import is_date, is_stamp
 
-SEPARATORS = (",", ";", "\t")
-WORDS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+SPACES = " "  # as many as there are between two cells
+SEPARATORS = (",", ";", "\t", SPACES)
+WORDS = {",": "commas", ";": "semicolons", "\t": "tabs", SPACES: "spaces"}
+_COMMENT = re.compile(r"\s*[#%]+\s*")  # what a header may begin with
 
 
 class Layout(NamedTuple):
@@ -68,6 +70,13 @@ def layout(path: Path) -> Layout:
     return Layout(separator, rows[: max(first, 1)], first, width, "," if comma else ".", start)
 
 
+def is_table(path: Path) -> bool:
+    """Whether a file holds rows of numbers as text, whatever its name; text in UTF-16 may."""
+    if is_wide(path):
+        return True
+    return is_text(path) and any(layout(path).first)
+
+
 def last_rows(path: Path, how: Layout, most: int = 0) -> End:
     """Where the last whole row ends: a line that was cut off and a closing word, such as ``EOF``, are left out.
 
@@ -94,7 +103,7 @@ def _ends_early(lines: list[str]) -> bool:
 
 def _whole(line: str, how: Layout) -> bool:
     """Whether a line is a row: as many cells as the others, the last one not cut within its number."""
-    cells = [cell.strip() for cell in line.rstrip("\r\n").split(how.separator)]
+    cells = [cell.strip() for cell in line.rstrip("\r\n").split(None if how.separator == SPACES else how.separator)]
     if len(cells) != how.width or not any(cells):
         return False
     if how.stamped(how.width - 1):
@@ -112,10 +121,9 @@ def _check_encoding(path: Path) -> None:
         if what := stranger(path):
             raise RecordingError(f"{path} {what}", path, ProblemKind.SYNTAX)
     with path.open("rb") as file:
-        first = file.read(2)
         file.seek(max(path.stat().st_size - TAIL_BYTES, 0))
         tail = file.read()
-    if first in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+    if is_wide(path):
         reason = f"{path} is text in UTF-16; must be UTF-8: save it as UTF-8 (a spreadsheet calls it CSV UTF-8)"
         raise RecordingError(reason, path, ProblemKind.SYNTAX)
     if zeros := len(tail) - len(tail.rstrip(b"\0")):
@@ -136,6 +144,9 @@ def _read_as_csv(path: Path) -> AbstractContextManager[None]:
 
 
 def _split(lines: list[str], separator: str) -> list[list[str]]:
+    lines = [line[mark.end() :] if (mark := _COMMENT.match(line)) else line for line in lines]
+    if separator == SPACES:
+        return [line.split() for line in lines]
     return [[cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])] for line in lines]
 
 

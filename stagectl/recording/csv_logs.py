@@ -29,7 +29,7 @@ from stagectl.recording.csv_layout import WORDS, Layout, layout
 from stagectl.recording.csv_table import read_table
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.in_memory import header
-from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
+from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError
 
 
@@ -39,14 +39,15 @@ def read(
     about: dict[str, Any],
     words: Mapping[str, str] | None = None,
     scales: Scales | None = None,
+    known: Known = NOTHING_KNOWN,
 ) -> Log:
-    """The log in a CSV file; `words` name its columns where the header does not.
+    """The log in a CSV file; `words` name its columns where the header does not, `known` are scales that it lacks.
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
     how = _headed(layout(path), choices(words))
     if words:
-        return _chosen(path, how, scales or (scales_of_stage(setup) if setup else None), choices(words))
+        return _chosen(path, how, scales or (scales_of_stage(setup) if setup else None), choices(words), known)
     names = how.names
     if not names:
         reason = (
@@ -59,13 +60,13 @@ def read(
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
     described = scales or (scales_of_nominal(nominal, beside) if nominal else None)
-    scales = _scales(path, names, setup, described)
+    scales = _scales(path, names, setup, described, known)
     _of_this_kind(path, names, scales)
-    known, notes = _known(path, how, scales)
-    table, cut = read_table(path, names, list(known), how, [name for name in known if known[name][0] == "time"])
+    found, notes = _known(path, how, scales)
+    table, cut = read_table(path, names, list(found), how, [name for name in found if found[name][0] == "time"])
     # In place: a long log has no room for a second array.
-    columns = {ours: np.multiply(table[name], scale, out=table[name]) for name, (ours, scale) in known.items()}
-    labels = {ours: name for name, (ours, _) in known.items()}
+    columns = {ours: np.multiply(table[name], scale, out=table[name]) for name, (ours, scale) in found.items()}
+    labels = {ours: name for name, (ours, _) in found.items()}
     notes = [*_skipped(how), *notes, *cut]
     return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})}, labels)
 
@@ -103,18 +104,18 @@ def _preamble(how: Layout) -> str:
     )
 
 
-def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice]) -> Log:
+def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice], known: Known) -> Log:
     chosen = [_with_unit(choice, how, _column(path, how, choice)) for choice in chosen]
-    scales, known = of_choices(chosen, taken, path)
-    places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
+    scales, found = of_choices(chosen, taken, path, known)
+    places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in found.items()}
     if how.stamped(at := places["time"][0]):  # whatever unit is named, they are read in s
         places["time"] = (at, 1.0)
-    check_once(path, {known[ours][0].quantity: (at, f"column {at + 1}") for ours, (at, _) in places.items()})
+    check_once(path, {found[ours][0].quantity: (at, f"column {at + 1}") for ours, (at, _) in places.items()})
     labels = [f"column {number}" for number in range(1, how.width + 1)]
     times = [labels[places["time"][0]]]
     table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how, times)
     columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}
-    others = [_other_unit(how, at, known[ours], scales) for ours, (at, _) in places.items()]
+    others = [_other_unit(how, at, found[ours], scales) for ours, (at, _) in places.items()]
     notes = [*_skipped(how), *filter(None, others)]
     labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
     return Log(path, scales, columns, [*notes, *cut], {}, labelled)
@@ -152,13 +153,14 @@ def _column(path: Path, how: Layout, choice: Choice) -> int:
     return int(choice.name) - 1
 
 
-def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales | None) -> Scales:
-    """From the stage file, else from nominal.yaml, else by the unit of the position."""
+def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales | None, known: Known) -> Scales:
+    """From the stage file, else from nominal.yaml or by the unit of the position, with what is `known`."""
     if setup is not None:
         return scales_of_stage(setup, nominal.amplifier if nominal else 0.0)
     if nominal is not None:
-        return nominal
-    return scales_by_unit((about[1] for name in names if (about := parsed(name)) and about[0] in POSITIONS), path)
+        return known.on(nominal)
+    units = (about[1] for name in names if (about := parsed(name)) and about[0] in POSITIONS)
+    return known.on(scales_by_unit(units, path))
 
 
 def _known(path: Path, how: Layout, scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:

@@ -12,7 +12,7 @@ from stagectl.extras import arrow
 from stagectl.problem import Problem, ProblemKind, why_unread
 from stagectl.recording import time_stamps
 from stagectl.recording.columns import Array
-from stagectl.recording.csv_layout import End, Layout, last_rows
+from stagectl.recording.csv_layout import SPACES, End, Layout, last_rows
 from stagectl.recording.hdf5 import RecordingError
 
 _NO_NUMBER = re.compile(r"column #(\d+): Row #(\d+): .* (?:invalid value|zone offset in) '(.*?)'(?:\.|$)", re.DOTALL)
@@ -48,11 +48,19 @@ def _read(path: Path, names: list[str], wanted: list[str], how: Layout, stamps: 
     converting = arrow().csv.ConvertOptions(column_types=types, include_columns=list(types), decimal_point=point)
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
     with path.open("rb") as file:  # of a whole file no more than a block is in memory
-        whole = end.length == path.stat().st_size
-        source = arrow().PythonFile(file) if whole else arrow().BufferReader(file.read(end.length))
+        if how.separator == SPACES:
+            source = arrow().BufferReader(_single_spaced(file.read(end.length)))
+        else:
+            whole = end.length == path.stat().st_size
+            source = arrow().PythonFile(file) if whole else arrow().BufferReader(file.read(end.length))
         if commas:  # with decimal points, as Arrow knows no stamps with decimal commas
             source = arrow().TransformInputStream(source, lambda block: bytes(block).replace(b",", b"."))
         return arrow().csv.read_csv(source, reading, parsing, converting)
+
+
+def _single_spaced(text: bytes) -> bytes:
+    """The same lines with one space between two cells, and none around them."""
+    return re.sub(rb"(?m)^ | (?=\r?$)", b"", re.sub(rb"[ \t]+", b" ", text))
 
 
 @contextlib.contextmanager

@@ -21,10 +21,11 @@ from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import Array, Log, without
 from stagectl.recording.constants import ROWS_TO_USE
 from stagectl.recording.content import stranger
+from stagectl.recording.csv_layout import is_table
 from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, save
 from stagectl.recording.metadata import STAMP, versions
 from stagectl.recording.repair import repaired
-from stagectl.recording.scales import Scales, read_values
+from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, read_values
 from stagectl.recording.wrong_units import by_rows
 
 # How a file of another kind becomes one that can be imported, in Python.
@@ -46,11 +47,12 @@ def read(
     setup: Setup | None = None,
     columns: Mapping[str, str] | None = None,
     scales: Scales | None = None,
+    known: Known = NOTHING_KNOWN,
 ) -> list[Recording]:
     """The recordings in a file or folder; `setup` is the stage it was recorded on, for its scales.
 
     `columns` says which column or variable is which, where names do not: ``{"position": "qm:mm"}``; with them, `scales`
-    may stand in for a stage.
+    may stand in for a stage.  What is `known` is taken where the log has no stage.
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
@@ -58,15 +60,21 @@ def read(
         if columns:
             reason = f"{path} is a folder of captures, whose headers name the columns: leave out --columns"
             raise RecordingError(reason, path, ProblemKind.CONFLICT)
-        return _folder(path, setup)
+        return _folder(path, setup, known)
     if not path.is_file():
         raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE)
     kind = path.suffix.lower()
-    if kind == ".csv":
-        return [_clocked(_recording(csv_logs.read(path, setup, {}, columns, scales)), setup)]
+    if is_text_log(path):
+        return [_clocked(_recording(csv_logs.read(path, setup, {}, columns, scales, known)), setup)]
     if kind == ".mat":
-        return [_clocked(_recording(mat_logs.read(path, setup, columns, scales)), setup)]
+        return [_clocked(_recording(mat_logs.read(path, setup, columns, scales, known)), setup)]
     raise RecordingError(_no_log(path, kind), path, ProblemKind.SHAPE)
+
+
+def is_text_log(path: Path) -> bool:
+    """Whether a file is a table as text: by its ending, or by what it holds."""
+    kind = path.suffix.lower()
+    return kind == ".csv" or (kind not in (".mat", ".h5", ".yaml", ".yml", *_TURNED) and is_table(path))
 
 
 def _no_log(path: Path, kind: str) -> str:
@@ -80,8 +88,8 @@ def _no_log(path: Path, kind: str) -> str:
     if not turned and (what := stranger(path)):
         return f"{path} {what}"
     return (
-        f"{path} cannot be imported; these can: .csv with a header of quantities and units "
-        "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
+        f"{path} cannot be imported; these can: a text table (.csv, .txt) with a header of quantities "
+        "and units (time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
         f"{turned}"
     )
 
@@ -113,8 +121,9 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
 
 
 def _recording(log: Log) -> Recording:
+    stamps = log.columns["time"]
     log = repaired(log)
-    time = _checked(log)
+    time = _checked(log, stamps)
     names = [name for name in rollout.COLUMNS if name in log.columns]
     samples = np.empty(len(time), dtype=[(name, "<f8") for name in names])
     for name in names:
@@ -152,8 +161,8 @@ def _clocked(recording: Recording, setup: Setup | None) -> Recording:
     return recording
 
 
-def _checked(log: Log) -> Array:
-    """The log's time (s), once time and position are sound."""
+def _checked(log: Log, stamps: Array) -> Array:
+    """The log's time (s), once time and position are sound; `stamps` (s) are those of all rows of the file."""
     time = log.columns["time"]
     if len(time) < 2:
         reason = (
@@ -166,17 +175,29 @@ def _checked(log: Log) -> Array:
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
             reason = f"{log.path} has no number in {own}, row {row}: give the column, or cut the log there"
             raise RecordingError(reason, log.path, ProblemKind.MISSING, column=own, row=row)
-    if np.any(backwards := time[1:] <= time[:-1]):
-        row = int(np.argmax(backwards)) + 1
-        reason = (
-            f"{log.path}: time {time[row]:.9g} s in row {row + 1} follows {time[row - 1]:.9g} s; times must increase "
-            "strictly: remove repeated rows or sort the log"
-        )
-        raise RecordingError(reason, log.path, ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=row + 1)
+    if np.any(time[1:] <= time[:-1]):
+        raise _out_of_order(log, time, stamps)
     return time
 
 
-def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
+def _out_of_order(log: Log, time: Array, stamps: Array) -> RecordingError:
+    """What to say of a `time` that does not increase, with its rows in the file."""
+    at = int(np.argmax(time[1:] <= time[:-1])) + 1
+    if time[at] == time[at - 1]:
+        first, *_, last = (int(row) + 1 for row in np.flatnonzero(stamps == time[at]))
+        count = np.count_nonzero(time[1:] == time[:-1])
+        words = f"time {time[at]:.9g} s stands in rows {first} to {last} with different values"
+        how_many = f"{count} of {len(time)} rows have the time of the row before"
+        remedy = f"keep one row of each time, or log finer stamps; {how_many}"
+    else:
+        last = int(np.argmax(np.diff(stamps) < 0.0)) + 2
+        words = f"time {time[at]:.9g} s in row {last} follows {time[at - 1]:.9g} s"
+        remedy = "sort the log, or cut it there"
+    reason = f"{log.path}: {words}; times must increase strictly: {remedy}"
+    return RecordingError(reason, log.path, ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=last)
+
+
+def _folder(folder: Path, setup: Setup | None, known: Known) -> list[Recording]:
     if not (folder / "captures.yaml").is_file():
         reason = f"{folder} holds no captures.yaml, so it is no folder of captures: name the logs in it one by one"
         raise RecordingError(reason, folder, ProblemKind.MISSING)
@@ -198,7 +219,7 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
         if nominal and path.parent == folder:  # read once for all of them
             about["nominal"] = nominal
-        recordings.append(_recording(_with_beside(csv_logs.read(path, setup, about), entry)))
+        recordings.append(_recording(_with_beside(csv_logs.read(path, setup, about, known=known), entry)))
     return recordings
 
 

@@ -26,21 +26,27 @@ from stagectl.recording.columns import (
 from stagectl.recording.constants import EMPS_STEP, NEARLY_AS_LONG
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.metadata import flat
-from stagectl.recording.scales import Scales, scales_of_stage
+from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, scales_of_stage
 from stagectl.units import LINEAR
 
 _EMPS = {"t": "time", "qg": "reference", "qm": "measured", "vir": "command"}
 
 
-def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None = None, scales: Scales | None = None) -> Log:
-    """The log in a MATLAB file; `words` name its variables where their names do not.
+def read(
+    path: Path,
+    setup: Setup | None,
+    words: Mapping[str, str] | None = None,
+    scales: Scales | None = None,
+    known: Known = NOTHING_KNOWN,
+) -> Log:
+    """The log in a MATLAB file; `words` name its variables where their names do not, `known` are scales that it lacks.
 
     Raises RecordingError naming the variables that there are.
     """
     content = variables(path)
     taken = scales or (scales_of_stage(setup) if setup else None)
     if words:
-        return _chosen(path, content, taken, choices(words))
+        return _chosen(path, content, taken, choices(words), known)
     if isinstance(content.get("samples"), dict) and isinstance(content.get("meta"), str):
         return _ours(path, content, taken)
     if {"t", "qm", "vir", "gtau"} <= content.keys():  # others, too, call their time t
@@ -56,7 +62,8 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None = None
             "--columns time=t,position=q:mm,current=i"
         )
         raise RecordingError(reason, path, ProblemKind.MISSING, column=absent[0])
-    return _chosen(path, content, taken, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()])
+    chosen = [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()]
+    return _chosen(path, content, taken, chosen, known)
 
 
 def _check_lengths(path: Path, content: Mapping[str, Any]) -> None:
@@ -87,13 +94,13 @@ def variables(path: Path) -> dict[str, Any]:
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 
-def _chosen(path: Path, content: dict[str, Any], taken: Scales | None, chosen: list[Choice]) -> Log:
-    scales, known = of_choices(chosen, taken, path)
-    check_once(path, {choice.quantity: ((choice.name, choice.number), choice.name) for choice, _ in known.values()})
-    columns = {ours: scale * _vector(path, content, choice) for ours, (choice, scale) in known.items()}
+def _chosen(path: Path, content: dict[str, Any], taken: Scales | None, chosen: list[Choice], known: Known) -> Log:
+    scales, found = of_choices(chosen, taken, path, known)
+    check_once(path, {choice.quantity: ((choice.name, choice.number), choice.name) for choice, _ in found.values()})
+    columns = {ours: scale * _vector(path, content, choice) for ours, (choice, scale) in found.items()}
     taken_in = {choice: "s" if choice.quantity == "time" else "A" for choice in chosen if unit_of(choice) == ""}
     notes = [f"{one.name} has no unit: it is taken as the {one.quantity} in {unit}" for one, unit in taken_in.items()]
-    return _log(path, scales, columns, notes, {})._replace(labels={ours: one.name for ours, (one, _) in known.items()})
+    return _log(path, scales, columns, notes, {})._replace(labels={ours: one.name for ours, (one, _) in found.items()})
 
 
 def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:

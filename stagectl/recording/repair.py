@@ -83,7 +83,9 @@ def _without_repeats(columns: dict[str, Array], notes: list[str]) -> dict[str, A
     again = written_twice(columns["time"], {name: column for name, column in columns.items() if name != "time"})
     if not np.any(again):
         return columns
-    notes.append(f"{np.count_nonzero(again)} of {len(again)} rows repeat the row before them: left out")
+    first = float(columns["time"][int(np.argmax(again))] - columns["time"][0])
+    words = f"{np.count_nonzero(again)} of {len(again)} rows repeat the row before them, the first at {first:.6g} s"
+    notes.append(f"{words}: left out")
     return {name: column[~again] for name, column in columns.items()}
 
 
@@ -128,7 +130,7 @@ def spikes(column: Array, effort: bool) -> NDArray[np.intp]:
     away = column[2:] + column[:-2]  # in place: a long log has little room
     away *= -0.5
     away += column[1:-1]
-    limit = constants.SPIKE * max(_high(np.abs(away)), _smallest_step(column))
+    limit = constants.SPIKE * max(_high(np.abs(away)), smallest_step(column))
     rows = np.flatnonzero((away > limit) | (away < -limit)) + 1
     rows = rows[(rows > 1) & (rows < len(column) - 2)]
     before, here, after = (away[rows - 1 + shift] for shift in (-1, 0, 1))
@@ -159,7 +161,7 @@ def wrap_of(position: Array, step: float) -> float:
     estimate = float(np.median(sizes)) + _speed_at(changes, far)
     if float(np.ptp(sizes)) > 4.0 * usual or not width <= estimate <= width + 4.0 * usual:
         return 0.0
-    known = _known_range(estimate, usual, step or _smallest_step(position))
+    known = _known_range(estimate, usual, step or smallest_step(position))
     return known or (estimate if len(sizes) > 1 else 0.0)
 
 
@@ -174,7 +176,8 @@ def _high(values: Array) -> float:
     return float(np.quantile(values[:: 1 + len(values) // constants.QUANTILE_ROWS], constants.USUAL))
 
 
-def _smallest_step(column: Array) -> float:
+def smallest_step(column: Array) -> float:
+    """The smallest change of a column (n,) from row to row, within its first rows; 0 where it does not change."""
     steps = np.abs(np.diff(column[: constants.STEP_LOOK]))
     return float(np.min(steps[steps > 0.0], initial=np.inf)) if np.any(steps > 0.0) else 0.0
 
@@ -196,15 +199,18 @@ def _known_range(estimate: float, usual: float, step: float) -> float:
 
 
 def written_twice(time: Array, columns: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """Rows (n,) that repeat the row before them in every column; none where only the stamps repeat."""
+    """Rows (n,) that repeat the row before them in every column; none where a rounded clock repeats its stamps."""
     again = np.concatenate([[False], time[1:] == time[:-1]])
     if not np.any(again):
         return again
     same = again.copy()
     for column in columns.values():
         same[1:] &= (column[1:] == column[:-1]) | ~np.isfinite(column[1:])
-    moved = [np.any(np.diff(column)[~again[1:]] != 0.0) for column in columns.values()]
-    return same if np.array_equal(same, again) and any(moved) else np.zeros(len(time), dtype=np.bool_)
+    if np.array_equal(same, again):
+        distinct = any(np.any(np.diff(column)[~again[1:]] != 0.0) for column in columns.values())
+    else:  # an axis at rest repeats its values
+        distinct = recovered(time, []) is time
+    return same if distinct else np.zeros(len(time), dtype=np.bool_)
 
 
 def recovered(time: Array, notes: list[str]) -> Array:

@@ -31,6 +31,7 @@ _RATED = (
     "stage.rated_current (A) in nominal.yaml next to the log, or as rated_current=... in --model; or write the column "
     "in A"
 )
+_OPTIONS = {"stage.encoder_step": "--counts N", "stage.force_constant": "--force-constant K"}  # of `stagectl import`
 _EFFORTS = ("N", "kN", "N m", "mN m", "kN m", "N cm")
 
 
@@ -107,9 +108,37 @@ class Scales(NamedTuple):
 
     def _known(self, value: float, what: str, key: str, where: str = "") -> float:
         if value == 0.0:
-            place = where or f"write {key} in nominal.yaml next to the log, or give --stage"
+            option = f", or import it with {_OPTIONS[key]}" if key in _OPTIONS else ""
+            place = where or f"write {key} in nominal.yaml next to the log, or give --stage{option}"
             raise RecordingError(f"{what} has no scale: {place}", kind=ProblemKind.MISSING, column=key)
         return value
+
+
+class Known(NamedTuple):
+    """What the user says about the machine of a log; 0 where nothing."""
+
+    counts: float = 0.0  # a turn, or a metre of a linear axis
+    force_constant: float = 0.0  # N m/A | N/A
+    rated_current: float = 0.0  # A
+    axis: Scales | None = None  # of the stage file
+    travel: float = 0.0  # rad | m, of the stage file
+
+    def on(self, scales: Scales) -> Scales:
+        """The scales of a log, with those that the user says."""
+        step = scales.position("m" if scales.kind == LINEAR else "rev") / self.counts if self.counts else 0.0
+        return scales._replace(
+            encoder_step=step or scales.encoder_step,
+            force_constant=self.force_constant or scales.force_constant,
+            rated_current=self.rated_current or scales.rated_current,
+        )
+
+    def of_stage(self, setup: Setup) -> Known:
+        """The same with what a stage file says."""
+        scales, (low, high) = scales_of_stage(setup), setup.file.limits.travel
+        return self._replace(rated_current=scales.rated_current, axis=scales, travel=high - low)
+
+
+NOTHING_KNOWN = Known()
 
 
 def scales_of_stage(setup: Setup, amplifier: float = 0.0) -> Scales:

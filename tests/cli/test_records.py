@@ -109,6 +109,7 @@ def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: 
         (("export", "none.h5", "--to", "csv"), "none.h5: no such file or folder"),
         (("import", "none.csv"), "none.csv: no such file or folder"),
         (("import", STAGE), "cannot be imported"),
+        (("import", "none.csv", "--stage", STAGE, "--counts", "4096"), "leave out one of the two"),
         (("export", STAGE, "--to", "csv"), "is a stage file, and --to csv takes recordings"),
         (("identify", "least-squares", STAGE, "none.h5"), "none.h5: no such file or folder"),
         (("identify", "guessing", STAGE, "none.h5"), "least-squares"),

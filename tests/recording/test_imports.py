@@ -16,9 +16,11 @@ from stagectl.problem import ProblemKind
 from stagectl.recording.columns import split
 from stagectl.recording.export_targets import SUFFIXES
 from stagectl.recording.exports import export
+from stagectl.recording.guess.importing import import_log
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording
 from stagectl.recording.imports import read, store
 from stagectl.recording.replay import replay
+from stagectl.recording.scales import Known
 from stagectl.units import StageError
 from tests.problems import refused
 
@@ -209,7 +211,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     savemat(tmp_path / "other.mat", {"x": [1.0]})
     savemat(tmp_path / "ragged.mat", {"t": [0.0, 1.0], "qm": [0.0], "vir": [0.0, 0.0], "gtau": 35.0})
     for name, kind in (
-        ("a.txt", KIND.SHAPE),
+        ("a.txt", KIND.MISSING),
         ("none.csv", KIND.FILE),
         ("bad.mat", KIND.SYNTAX),
         ("empty.mat", KIND.SYNTAX),
@@ -393,3 +395,32 @@ def test_columns_that_are_not_there(
         read(tmp_path / name, None, words)
     with refused(StageError, kind=KIND.SYNTAX):
         split("time=1,position")
+
+
+@pytest.mark.parametrize("name", ["log.txt", "log.TXT", "log.dat", "log.t", "log"])
+@pytest.mark.parametrize("space", [",", ", ", ";", "\t", " ", "   ", " \t "])
+def test_a_text_table_is_one_whatever_its_ending(tmp_path: Path, name: str, space: str) -> None:
+    """With a header behind the mark of a comment, and numbers that are padded to columns."""
+    k = np.arange(99)
+    columns = np.column_stack([k / 1000, np.rint(20.0 * np.sin(0.1 * k)), -k])
+    rows = [["# time_s", "position_mm", "current_A"], *([f"{value:8.6g}" for value in row] for row in columns)]
+    (tmp_path / name).write_text("".join(f"{space.join(row)}\n" for row in rows))
+    (recording,) = read(tmp_path / name)
+    for own, column in zip(("time", "measured", "measured_current"), columns.T * [[1.0], [1e-3], [1.0]], strict=True):
+        np.testing.assert_allclose(recording.column(own), column, atol=1e-12)
+
+
+def test_text_without_numbers_is_no_table(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("What was tried:\n1. a sine\n2. a chirp, of 3 A\n")
+    with refused(RecordingError, kind=KIND.SHAPE, file=tmp_path / "notes.txt"):
+        read(tmp_path / "notes.txt")
+
+
+def test_logs_in_a_folder_are_told_from_notes(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("What was tried:\n1. a sine\n2. a chirp, of 3 A\n")
+    for name in ("a.txt", "b.csv"):
+        (tmp_path / name).write_text("time_s,position_mm\n0,0\n0.001,1\n0.002,3\n")
+    assert [log.recording.path.name for log in import_log(tmp_path, None, None, Known(), unsure=False)] == [
+        "a.txt",
+        "b.csv",
+    ]

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.recording.hdf5 import Recording
+from stagectl.problem import ProblemKind
+from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import read
+from tests.problems import refused
 from tests.recording import damage
 from tests.recording.damage import Columns
 
@@ -74,6 +76,38 @@ def test_rows_written_twice_are_left_out(tmp_path: Path) -> None:
     recording = imported(tmp_path, twice)
     np.testing.assert_allclose(recording.column("time"), columns["time"])
     assert len(repairs(recording)) == 1
+
+
+def with_repeats(rows: list[int]) -> Columns:
+    """A log on an uneven clock, in which some rows stand twice."""
+    columns = damage.jittered(damage.motion(), 0.3)
+    return {name: np.insert(column, rows, column[rows]) for name, column in columns.items()}
+
+
+@pytest.mark.parametrize("rows", [[1440], [1440, 2812, 2812, 2812, 9000]])
+def test_a_row_that_stands_twice_costs_no_other(tmp_path: Path, rows: list[int]) -> None:
+    """Identification and diagnosis read the same rows as from the log without them."""
+    read_back = imported(tmp_path, with_repeats(rows))
+    np.testing.assert_allclose(read_back.column("time"), damage.jittered(damage.motion(), 0.3)["time"], atol=2e-4)
+    (note,) = repairs(read_back)
+    assert note.startswith(f"{len(rows)} of {12000 + len(rows)} rows repeat") and " 0.72" in note
+
+
+def test_two_values_at_one_time_are_refused_with_their_rows(tmp_path: Path) -> None:
+    """Beside rows that only stand twice, and that are none of the reason."""
+    columns = with_repeats([1440, 2812, 9000])
+    columns["current"][2814] += 0.3
+    with refused(RecordingError, kind=ProblemKind.CONFLICT, column="time_s", row=2815) as caught:
+        imported(tmp_path, columns)
+    assert "rows 2814 to 2815" in str(caught.value) and "1 of 12001 rows" in str(caught.value)
+
+
+def test_rows_at_rest_are_no_repeats_under_a_rounded_clock(tmp_path: Path) -> None:
+    columns = damage.motion()
+    for name in ("position", "current"):
+        columns[name][3000:5000] = columns[name][3000]
+    recording = imported(tmp_path, damage.rounded(columns, 1e-3))
+    assert len(recording.samples) == 12000 and recording.meta["dt"] == pytest.approx(0.5e-3, rel=1e-5)
 
 
 @pytest.mark.parametrize("size", [TURN, TURN * (1 << 14) / (1 << 16), TURN * 20_000 / (1 << 16)])

@@ -9,10 +9,10 @@ import pytest
 
 import stagectl as sc
 from stagectl.problem import ProblemKind
-from stagectl.recording.guess.guess import Known
 from stagectl.recording.guess.importing import import_log
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.imports import read
+from stagectl.recording.scales import Known
 from stagectl.recording.time_stamps import ADMISSIBLE
 from tests.problems import refused
 

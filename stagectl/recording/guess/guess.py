@@ -17,11 +17,12 @@ import numpy as np
 from stagectl.problem import ProblemKind
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
-from stagectl.recording.guess import motion, roles, units
-from stagectl.recording.guess.roles import Column, Role
+from stagectl.recording.guess import motion, names, roles, units
+from stagectl.recording.guess.names import Column, by_name, hinted
+from stagectl.recording.guess.roles import Role
 from stagectl.recording.guess.units import Unit
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.scales import SHARES, Scales
+from stagectl.recording.scales import SHARES, Known, Scales
 from stagectl.units import LINEAR, ROTARY, factor
 
 
@@ -34,14 +35,6 @@ class GuessedColumn(NamedTuple):
     sure: float  # 0 to 1, of column and unit together
     why: str
     stranger: str = ""  # in brackets in its header, where a unit belongs, and no known one
-
-
-class Known(NamedTuple):
-    """What the user says about the machine; 0 where nothing."""
-
-    counts: float = 0.0  # a turn, or a metre of a linear axis
-    force_constant: float = 0.0  # N m/A | N/A
-    rated_current: float = 0.0  # A
 
 
 class Guess(NamedTuple):
@@ -67,7 +60,7 @@ def guess(path: Path, known: Known, named: Collection[str] = ()) -> Guess:
 
     Raises RecordingError where there is no time, or nothing that moves.
     """
-    columns = roles.live(roles.read(path))
+    columns = roles.live(names.read(path))
     time = roles.time_of(columns)
     if time is None:
         reason = f"{path} has no column that runs on as a time does; say which it is: --columns time=..."
@@ -86,7 +79,7 @@ def guess(path: Path, known: Known, named: Collection[str] = ()) -> Guess:
 
 def _check_moves(columns: list[Column], path: Path) -> None:
     """Refuse a log in which every column is named a current or a force.  Raises RecordingError."""
-    if not all(roles.hinted(column, "effort") for column in columns):
+    if not all(hinted(column, "effort") for column in columns):
         return
     one = columns[0]
     what = f"column {one.name} ({one.words})" if one.name.isdecimal() else one.name
@@ -131,26 +124,21 @@ def _of_motion(others: list[Column], time: Array, known: Known) -> tuple[list[Gu
 def _unit_of_position(position: Role, velocity: Role | None, known: Known) -> Unit:
     speed = units.said(velocity.column.words, "velocity") if velocity else None
     ratio = velocity.ratio if velocity else 0.0
-    unit = units.of_position(position.column.words, position.column.values, ratio, speed.name if speed else "")
-    return unit._replace(sure=constants.SURE_BY_NAME) if unit.name == "counts" and known.counts else unit
+    unit = units.of_position(position.column.words, position.column.values, ratio, speed.name if speed else "", known)
+    scaled = unit.name != "counts" or known.counts or known.axis
+    return unit if scaled else unit._replace(sure=constants.SURE_BY_DEFAULT)  # how many a turn is nowhere said
 
 
 def _scales(unit: Unit, position: Role | None, time: Array, known: Known) -> tuple[Scales, list[str]]:
     kind = LINEAR if unit.name in ("m", "mm", "um", "nm", "m/s", "mm/s") else ROTARY
-    scales = Scales(
-        kind,
-        travel_unit="m" if kind == LINEAR else "rad",
-        force_constant=known.force_constant,
-        rated_current=known.rated_current,
-    )
-    whole = 1.0 if kind == LINEAR else 2.0 * math.pi
+    scales = known.on(Scales(kind, travel_unit="m" if kind == LINEAR else "rad"))
     if known.counts:
-        return scales._replace(encoder_step=whole / known.counts), []
+        return scales, []
     if unit.name != "counts" or position is None:
         return scales, []
     counts = units.counts_by_speed(position.column.values, time)
     words = f"counts a turn are not known: {counts:.0f} taken, by the speed of the motion; say --counts N"
-    return scales._replace(encoder_step=whole / counts), [words]
+    return scales._replace(encoder_step=2.0 * math.pi / counts), [words]
 
 
 def _efforts(
@@ -178,21 +166,30 @@ def _efforts(
 
 
 def _after_its_command(driving: list[Role], blocks: motion.Blocks) -> Role:
-    """The measured column: what follows its command is measured, whatever noise and names say."""
+    """The measured column: of two that are named alike, or both not, the one that follows the other."""
     first = driving[0]
     command = _command(driving, first, blocks)
-    return command if command and roles.ahead(first, command) else first
+    alike = command is not None and by_name(command.column) == by_name(first.column)
+    return command if command and alike and roles.ahead(first, command) else first
 
 
 def _other_scale(measured: Role, driving: list[Role]) -> tuple[Role, float] | None:
-    """The current, of two measured columns that are the same but for a factor, and the smaller over the larger."""
+    """The current, of two measured columns that are the same but for a factor, and what the other is times it.
+
+    Names say which of them is the current, else the larger numbers.
+    """
     for other in driving:
-        ratio = float(np.std(measured.column.values) / np.std(other.column.values))
-        constant = min(ratio, 1.0 / ratio)
-        same = other is not measured and _correlation(measured, other) > constants.PROPORTIONAL
-        if same and constant > constants.LEAST_CONSTANT:
-            return (measured if ratio > 1.0 else other._replace(ratio=measured.ratio)), constant
+        if other is measured or _correlation(measured, other) <= constants.PROPORTIONAL:
+            continue
+        torque, current = sorted((measured, other), key=_current_last)
+        constant = float(np.std(torque.column.values) / np.std(current.column.values))
+        if constant > constants.LEAST_CONSTANT and not units.same_by_name(torque.column.words, current.column.words):
+            return current._replace(ratio=measured.ratio), constant
     return None
+
+
+def _current_last(role: Role) -> tuple[bool, float]:
+    return units.of_effort(role.column.words).name == "A", float(np.std(role.column.values))
 
 
 def _correlation(first: Role, second: Role) -> float:
@@ -211,7 +208,7 @@ def _usable(unit: Unit, scales: Scales) -> tuple[Unit, Scales, list[str]]:
 
 
 def _command(driving: list[Role], measured: Role, blocks: motion.Blocks) -> Role | None:
-    """The smoothest other column that goes with the measured one."""
+    """The other column that goes with the measured one: what is called a command, else the smoothest."""
     alike = [
         role
         for role in driving
@@ -219,7 +216,7 @@ def _command(driving: list[Role], measured: Role, blocks: motion.Blocks) -> Role
         and roles.together(blocks, role, measured) > constants.GOES_WITH
         and _correlation(role, measured) < constants.PROPORTIONAL
     ]
-    return min(alike, key=lambda role: motion.roughness(role.column.values), default=None)
+    return min(alike, key=lambda role: (not hinted(role.column, "command"), role.rough), default=None)
 
 
 def _unit_of_command(command: Role, measured: Role, unit: Unit, scales: Scales) -> Unit:

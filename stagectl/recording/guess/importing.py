@@ -12,13 +12,14 @@ from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import constants
 from stagectl.recording.columns import MOTIONS, choices, scales_by_unit
 from stagectl.recording.guess import units
-from stagectl.recording.guess.guess import Guess, GuessedColumn, Known, guess
+from stagectl.recording.guess.guess import Guess, GuessedColumn, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
-from stagectl.recording.imports import read
+from stagectl.recording.imports import is_text_log, read
 from stagectl.recording.nominal_yaml import axis_values
-from stagectl.recording.scales import Scales, scales_of_stage
+from stagectl.recording.scales import Known, Scales, scales_of_stage
+from stagectl.units import LINEAR
 
-_LOGS = (".csv", ".mat")
+_LOGS = (".csv", ".txt", ".mat")
 
 
 class Imported(NamedTuple):
@@ -36,13 +37,13 @@ def import_log(
     Raises RecordingError where it cannot be read, or where the guess is not sure.
     """
     if path.is_dir() and not (path / "captures.yaml").is_file():
-        logs = [file for file in sorted(path.iterdir()) if file.suffix.lower() in _LOGS]
+        logs = [file for file in sorted(path.iterdir()) if _is_log(file)]
         if not logs:
-            reason = f"{path} holds neither captures.yaml nor logs ({' or '.join(_LOGS)}); give a folder that does"
+            reason = f"{path} holds neither captures.yaml nor logs ({', '.join(_LOGS)}); give a folder that does"
             raise RecordingError(reason, path, ProblemKind.MISSING)
         return [imported for log in logs for imported in import_log(log, setup, words, known, unsure)]
     try:
-        return [Imported(recording, None) for recording in read(path, setup, words)]
+        return [Imported(_with(recording, known), None) for recording in read(path, setup, words, known=known)]
     except RecordingError as error:
         unnamed = error.problems[0].kind in (ProblemKind.MISSING, ProblemKind.UNIT) and not error.row
         named = set(words or {})  # where that is all that a log must have, a refusal is about these words
@@ -51,11 +52,29 @@ def import_log(
     return [_guessed(path, setup, words or {}, known, unsure)]
 
 
+def _is_log(path: Path) -> bool:
+    """Whether a file of a folder is a log: notes beside logs are text, too."""
+    kind = path.suffix.lower()
+    return kind in _LOGS and (kind == ".mat" or is_text_log(path))
+
+
+def _with(recording: Recording, known: Known) -> Recording:
+    """The recording with what the user says of its machine, as a nominal.yaml beside it would."""
+    axis, nominal = recording.meta["axis"], recording.meta.get("nominal", {})
+    step = axis["encoder_step"] if known.counts else None
+    said = {"force_constant": known.force_constant or None, "encoder_step": step}
+    if said := {key: value for key, value in said.items() if value is not None}:
+        unit = "m" if axis["kind"] == LINEAR else "rad"
+        stage = nominal.get("stage") or {"name": recording.path.stem, "kind": axis["kind"], "position_unit": unit}
+        recording.meta["nominal"] = {**nominal, "stage": {**stage, **said}}
+    return recording
+
+
 def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
     stated = scales_of_stage(setup) if setup is not None else None
-    taken = guess(path, known._replace(rated_current=stated.rated_current) if stated else known, words)
+    taken = guess(path, known.of_stage(setup) if setup else known, words)
     scales, notes = (stated, ()) if stated else (_of_kind(taken.scales, words, path), taken.notes)
-    unnamed = tuple(part for part in taken.columns if part.quantity not in words)
+    unnamed = tuple(_beside(part, words) for part in taken.columns if part.quantity not in words)
     taken = Guess(unnamed, scales, notes)
     _check_known(path, taken, stated)
     if taken.columns and taken.sure < constants.LEAST_SURE and not unsure:
@@ -66,6 +85,15 @@ def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: K
     stage = {"name": path.stem, **axis_values(recording.meta["axis"]), **constant}
     recording.meta.setdefault("nominal", {"stage": stage})  # inertia and controller are for the user to add
     return Imported(recording, taken)
+
+
+def _beside(part: GuessedColumn, words: Mapping[str, str]) -> GuessedColumn:
+    """A guessed column beside those that the user names: a reference is in the unit of a named position."""
+    unit = next((choice.unit for choice in choices(words) if choice.quantity == "position"), "")
+    if part.quantity != "reference" or not unit:
+        return part
+    why = f"{part.why.partition(';')[0]}; it is in the unit of the position"
+    return part._replace(unit=unit, sure=max(part.sure, constants.SURE_BY_MAGNITUDE), why=why)
 
 
 def _check_known(path: Path, taken: Guess, stated: Scales | None) -> None:
@@ -82,8 +110,8 @@ def _check_known(path: Path, taken: Guess, stated: Scales | None) -> None:
 
 
 def _of_kind(scales: Scales, words: Mapping[str, str], path: Path) -> Scales:
-    """The guessed scales, on the kind of axis that the unit of a named position tells."""
-    named = [choice.unit for choice in choices(words) if choice.quantity == "position"]
+    """The guessed scales, on the kind of axis that the unit of a named position or velocity tells."""
+    named = [choice.unit for choice in choices(words) if choice.quantity in ("position", "velocity")]
     with contextlib.suppress(RecordingError):  # a unit such as counts tells nothing
         known = scales_by_unit(named, path)
         return scales._replace(kind=known.kind, travel_unit=known.travel_unit)

@@ -5,87 +5,16 @@ Time runs evenly, a velocity is a derivative, a reference is followed, an effort
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from stagectl.number_format import percent
-from stagectl.problem import ProblemKind
-from stagectl.recording import constants, mat_logs
+from stagectl.recording import constants
 from stagectl.recording.columns import Array
-from stagectl.recording.csv_layout import Layout, layout
-from stagectl.recording.csv_table import read_table
 from stagectl.recording.guess import motion
-from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.metadata import flat
-
-_HINTS = {
-    "time": r"time|stamp|^t$",
-    "position": r"pos|angle|enc|theta|^q$|^qm$|^x$",
-    "velocity": r"vel|speed|omega|r/min|rpm|^dq|^v$",
-    "reference": r"ref|setp|desired|^qg$|^qd$",
-    "effort": r"curr|torque|force|moment|tau|^i$|^iq$|^u$|^vir$",
-    "command": r"cmd|command|demand|target|desired|^u$|^vir$",
-}
-
-
-class Column(NamedTuple):
-    """One column as it is in its file."""
-
-    name: str  # as --columns takes it: a number from 1, a variable, or variable[number]
-    words: str  # what the file says about it, lower case; empty where nothing
-    values: Array  # (n,)
-
-
-def read(path: Path) -> list[Column]:
-    """All columns of numbers that have as many rows as the file's longest one.
-
-    Raises RecordingError where there are fewer than two.
-    """
-    columns = _of_mat(path) if path.suffix.lower() == ".mat" else _of_text(path)
-    longest = max((len(column.values) for column in columns), default=0)
-    columns = [column for column in columns if len(column.values) == longest]
-    if len(columns) < 2 or longest < constants.JUDGED_ROWS:
-        reason = (
-            f"{path} holds {len(columns)} columns of {longest} numbers; must hold at least 2 of {constants.JUDGED_ROWS}"
-        )
-        raise RecordingError(reason, path, ProblemKind.SHAPE)
-    return columns
-
-
-def _of_text(path: Path) -> list[Column]:
-    how = layout(path)
-    labels = [str(number) for number in range(1, how.width + 1)]
-    table, _ = read_table(path, labels, labels, how, labels, constants.GUESS_BYTES)
-    return [Column(name, _words(how, k), table[name]) for k, name in enumerate(labels)]
-
-
-def _words(how: Layout, k: int) -> str:
-    """What the lines above the numbers say in column `k`, those that have a cell for each column.
-
-    Stamps say that they are a time, and they are read in s.
-    """
-    if how.stamped(k):
-        return "time [s]"
-    rows = how.rows if how.skipped else []
-    return " ".join(row[k] for row in rows if len(row) == how.width).lower()
-
-
-def _of_mat(path: Path) -> list[Column]:
-    columns = []
-    for name, value in flat(mat_logs.variables(path)).items():
-        values = np.asarray(value)
-        if values.dtype.kind not in "fiu" or values.ndim > 2 or values.size < 2:
-            continue
-        table = mat_logs.upright(values.astype(np.float64))
-        if table.ndim == 1:
-            columns.append(Column(name, name.lower(), table))
-        else:
-            columns += [Column(f"{name}[{k + 1}]", "", table[:, k]) for k in range(table.shape[1])]
-    return columns
+from stagectl.recording.guess.names import Column, by_name, hinted, may_drive
 
 
 class Role(NamedTuple):
@@ -96,10 +25,10 @@ class Role(NamedTuple):
     why: str
     ratio: float = 0.0  # of a velocity: d position/dt over it; of an effort: the sign with which it drives
 
-
-def hinted(column: Column, quantity: str) -> bool:
-    """Whether the words around a column name a quantity."""
-    return re.search(_HINTS[quantity], column.words) is not None
+    @property
+    def rough(self) -> float:
+        """How noisy its column is."""
+        return motion.roughness(self.column.values)
 
 
 def live(columns: Sequence[Column]) -> list[Column]:
@@ -187,7 +116,7 @@ def reference_of(columns: Sequence[Column], position: Column) -> tuple[Role, Col
     following = [
         (share, column)
         for column in columns
-        if column is not position and (share := motion.follows(column.values, position.values)) > constants.FOLLOWS
+        if column is not position and (share := motion.follows(column.values, position.values)) > _least(column)
     ]
     if not following:
         return None
@@ -199,6 +128,12 @@ def reference_of(columns: Sequence[Column], position: Column) -> tuple[Role, Col
     named = hinted(reference, "reference")
     why = "its header says reference" if named else f"the position follows it within {percent(max(1.0 - share, 0.0))}"
     return Role(reference, constants.SURE_BY_NAME if named else constants.SURE_BY_MAGNITUDE, why), measured
+
+
+def _least(column: Column) -> float:
+    """The share of a position that `column` must hold to be its reference: less where its words say that it is one."""
+    named = hinted(column, "reference") and not hinted(column, "effort")
+    return constants.FOLLOWS_BY_NAME if named else constants.FOLLOWS
 
 
 def of_one_axis(columns: Sequence[Column], position: Role, velocity: Role | None, width: int) -> list[Column]:
@@ -218,8 +153,9 @@ def of_one_axis(columns: Sequence[Column], position: Role, velocity: Role | None
 
 def efforts(columns: Sequence[Column], blocks: motion.Blocks, speed: Array) -> list[Role]:
     """What may drive the motion with the blocks' `speed` (b,), the likeliest measured current first."""
-    roles = [_as_effort(column, motion.drives(blocks, speed, column.values)) for column in columns]
-    best = max(roles, key=lambda role: role.sure, default=None)
+    free = filter(may_drive, columns)
+    roles = [_as_effort(column, motion.drives(blocks, speed, column.values)) for column in free]
+    best = max(roles, key=_likeliest, default=None)
     if best is None:
         return []
     if best.sure < constants.LEAST_DRIVE:
@@ -229,10 +165,19 @@ def efforts(columns: Sequence[Column], blocks: motion.Blocks, speed: Array) -> l
 
 
 def _as_effort(column: Column, drive: motion.Drive) -> Role:
-    why = f"the motion explains {100.0 * drive.share:.3g} % of it"
+    """A name is not sure of a sign, and a motion that explains little of a column does not turn it."""
+    sure, why = min(drive.share, constants.SURE_BY_PHYSICS), f"the motion explains {100.0 * drive.share:.3g} % of it"
+    turned = drive.sign < 0.0
     if hinted(column, "effort"):
-        return Role(column, constants.SURE_BY_NAME, f"its header says what drives, {why}", drive.sign)
-    return Role(column, min(drive.share, constants.SURE_BY_PHYSICS), why, drive.sign)
+        why = f"its header says what drives, {why}"
+        sure = max(sure, constants.SURE_BY_DEFAULT) if turned else constants.SURE_BY_NAME
+    if turned and drive.share < constants.LEAST_SURE:
+        return Role(column, sure, f"{why}, and seems to oppose it: check the sign", 1.0)
+    return Role(column, sure, why, drive.sign)
+
+
+def _likeliest(role: Role) -> tuple[tuple[bool, ...], float]:
+    return by_name(role.column), role.sure
 
 
 def ahead(first: Role, second: Role) -> bool:
@@ -250,7 +195,7 @@ def together(blocks: motion.Blocks, first: Role, second: Role) -> float:
     return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) > 0.0 and np.ptp(b) > 0.0 else 0.0
 
 
-def _measured_first(role: Role) -> tuple[bool, bool, float]:
-    """Noise shows what was measured; a header that speaks of a command, or whole numbers without a unit, come last."""
-    values = role.column.values
-    return hinted(role.column, "command"), bool(np.all(values == np.rint(values))), -motion.roughness(values)
+def _measured_first(role: Role) -> tuple[tuple[bool, ...], bool, float]:
+    """Names come first, then noise, which shows what was measured; whole numbers without a unit come last."""
+    whole = bool(np.all(role.column.values == np.rint(role.column.values)))
+    return tuple(not has for has in by_name(role.column)), whole, -role.rough
