@@ -43,10 +43,11 @@ class Closure(NamedTuple):
 def closure(session: Session, e: Evidence, selected: Selection, improved: Stage) -> Closure:
     """Of the held-out runs, or of all where none is: in closed loop where it is known, else along the path.
 
-    Where none is held out, what is left is judged on blocks that did not choose the values, one after the other.
+    Where none is held out, what is left is judged on blocks that did not choose the values, one after the other.  The
+    nominal model, which stays where nothing comes closer, has no values that were fitted.
     """
     found = _closure_of(session, e, selected, improved)
-    if any(log.held_out for log in session.logs):
+    if improved is session.stage or any(log.held_out for log in session.logs):
         return found
     return found._replace(gap=held_out_gap.worse(found.gap, optimism(e, selected.fitted)))
 

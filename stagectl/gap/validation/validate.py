@@ -22,8 +22,8 @@ NOTHING_HELD_OUT = (
     "the other blocks; the effects themselves were chosen on all blocks"
 )
 NOTHING_CLOSER = (
-    "no fitted model brings the simulation closer to the runs that it was fitted on, so none is applied: the gap after "
-    "is that of the nominal model, and an effect that is named explains forces without improving it"
+    "no fitted model brings the simulation closer to the logs, so none is applied: the gap after is that of the "
+    "nominal model, and an effect that is named explains forces without improving it"
 )
 
 
@@ -36,13 +36,20 @@ class Validation(NamedTuple):
 
 
 def validate(session: Session, e: Evidence, selected: Selection, conclusions: Conclusions) -> Validation:
-    """The best of the models that were found, with the drive's signatures, on runs that chose nothing."""
+    """The best of the models that were found, with the drive's signatures, on runs that chose nothing.
+
+    Where the gap of these is wider with it, none is applied.
+    """
     best = _best_model(session, e, [*conclusions.models, session.stage])
     improved = best
     for signature in conclusions.signatures:
         improved = signature.put_in(improved)
+    found = closure(session, e, selected, improved)
+    if found.gap.after > found.gap.before:
+        best = improved = session.stage
+        found = closure(session, e, selected, improved)
     lines = [*warnings(session, e, best), *scale_doubt(session.stage, improved)]
-    return Validation(improved, closure(session, e, selected, improved), tuple(lines))
+    return Validation(improved, found, tuple(lines))
 
 
 def _best_model(session: Session, e: Evidence, stages: Sequence[Stage]) -> Stage:
