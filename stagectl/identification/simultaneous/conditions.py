@@ -13,16 +13,14 @@ import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Capture, IdentificationError, Refusal
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
 from stagectl.identification.simultaneous.windows import (
     HALF,
     KNOTS,
     acceleration,
     knots,
     position_noise,
-    reversals,
     shortest_knots,
-    widest,
     window,
 )
 from stagectl.number_format import duration, length, percent
@@ -85,12 +83,12 @@ def _check_reversals(capture: Capture) -> None:
 def _check_acceleration(capture: Capture, file: StageFile) -> None:
     """The acceleration must not be lost in noise, nor in the window that noise or sampling require."""
     share, span, rows = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt, shortest_knots(capture)
-    longest_window = widest(capture)
-    if span <= longest_window and share <= thresholds.LOST_ACCELERATION:
+    widest = _widest(capture)
+    if span <= widest and share <= thresholds.LOST_ACCELERATION:
         return
     moved = f"the axis moves by {_travel(float(np.ptp(capture.position)), file)}"
     lost, most = percent(share), percent(thresholds.LOST_ACCELERATION)
-    longest = f"{1e3 * longest_window:.0f} ms"
+    longest = f"{1e3 * widest:.0f} ms"
     larger = (
         "the motion must go beyond presliding (first condition of the paper), and be fast enough to determine the "
         "inertia: record a larger or faster one"
@@ -104,7 +102,7 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
             f"{longest}): sampled too slowly to resolve its reversals; sample every "
             f"{duration(thresholds.FAST_SAMPLING)} or faster, or use least-squares"
         )
-    elif span > longest_window:
+    elif span > widest:
         text = (
             f"; its acceleration must be averaged over {1e3 * span:.3g} ms to rise above the noise of the position, "
             f"and reversals as frequent as its own can be seen with at most {longest}: {larger}"
@@ -116,6 +114,13 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
         )
     limit = f"[0, {thresholds.LOST_ACCELERATION:g}]"
     raise IdentificationError(moved + text, reason, value=share, admissible=limit)
+
+
+def _widest(capture: Capture) -> float:
+    """Longest time (s) over which an acceleration may be averaged: the slower the motion, the longer."""
+    strokes = 1 + reversals(capture.position, thresholds.REVERSAL_TRAVEL * float(np.ptp(capture.position)))
+    stroke = len(capture.position) * capture.dt / strokes
+    return max(thresholds.LONGEST_WINDOW, thresholds.WINDOW_SHARE * stroke)
 
 
 def _check_power(capture: Capture) -> None:
@@ -145,6 +150,22 @@ def _noise_share(capture: Capture) -> float:
     weights = window(q, capture.dt, 2)
     rms = float(np.sqrt(np.mean(acceleration(capture, q) ** 2)))
     return position_noise(capture) * math.sqrt(float(weights @ weights)) / max(rms, 1e-300)
+
+
+def reversals(position: Array, travel: float) -> int:
+    """Number of reversals with at least this `travel` before and after them."""
+    count, heading, outermost = 0, 0, float(position[0])
+    lowest = highest = outermost
+    for x in position[:: max(1, len(position) // 5000)].tolist():
+        lowest, highest = min(lowest, x), max(highest, x)
+        if heading == 0:
+            heading = 1 if x - lowest >= travel else -1 if highest - x >= travel else 0
+            outermost = x
+        elif heading * (x - outermost) > 0.0:
+            outermost = x
+        elif heading * (outermost - x) >= travel:
+            count, heading, outermost = count + 1, -heading, x
+    return count
 
 
 def _same_sign(capture: Capture) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous.regressors import Part, coarse, stepped
-from stagectl.identification.simultaneous.windows import position_noise, window
+from stagectl.identification.simultaneous.windows import resolution, window
 
 
 def current_noise(parts: list[Part], whitening: Array) -> float:
@@ -30,7 +30,7 @@ def rounding_noise(parts: list[Part], whitening: Array) -> float:
     much.  Source: B. Widrow, I. Kollar, Quantization Noise, Cambridge University Press 2008.
     """
     rounded = [p for p in parts if coarse(p)]
-    total = sum(p.rows * _passed(p, whitening, 2) * position_noise(p.capture) ** 2 * _moving(p) for p in rounded)
+    total = sum(p.rows * _passed(p, whitening, 2) * resolution(p.capture) ** 2 / 12.0 * _moving(p) for p in rounded)
     return total / sum(p.rows for p in parts)
 
 

@@ -78,41 +78,15 @@ def shortest_knots(capture: Capture) -> int:
 
 
 def knots(capture: Capture) -> int:
-    """Samples per knot distance: few, to resolve a reversal, unless the encoder's noise would fill the acceleration.
-
-    No more than the motion's own reversals allow: with fewer the noise may still be small enough.
-    """
-    q, longest = shortest_knots(capture), min(thresholds.LONGEST_KNOTS, widest(capture) / (2.0 * KNOTS))
-    while (q + 1) * capture.dt <= longest and 2 * HALF * (q + 1) < len(capture.position) // 4:
+    """Samples per knot distance: few, to resolve a reversal, unless the encoder's noise would fill the acceleration."""
+    q = shortest_knots(capture)
+    while (q + 1) * capture.dt <= thresholds.LONGEST_KNOTS and 2 * HALF * (q + 1) < len(capture.position) // 4:
         weights = window(q, capture.dt, 2)
         rms = acceleration(capture, q).std()
         if position_noise(capture) * math.sqrt(float(weights @ weights)) <= thresholds.WINDOWED_NOISE * float(rms):
             break
         q += 1
     return q
-
-
-def widest(capture: Capture) -> float:
-    """Longest time (s) over which an acceleration may be averaged: the slower the motion, the longer."""
-    strokes = 1 + reversals(capture.position, thresholds.REVERSAL_TRAVEL * float(np.ptp(capture.position)))
-    stroke = len(capture.position) * capture.dt / strokes
-    return max(thresholds.LONGEST_WINDOW, thresholds.WINDOW_SHARE * stroke)
-
-
-def reversals(position: Array, travel: float) -> int:
-    """Number of reversals with at least this `travel` before and after them."""
-    count, heading, outermost = 0, 0, float(position[0])
-    lowest = highest = outermost
-    for x in position[:: max(1, len(position) // 5000)].tolist():
-        lowest, highest = min(lowest, x), max(highest, x)
-        if heading == 0:
-            heading = 1 if x - lowest >= travel else -1 if highest - x >= travel else 0
-            outermost = x
-        elif heading * (x - outermost) > 0.0:
-            outermost = x
-        elif heading * (outermost - x) >= travel:
-            count, heading, outermost = count + 1, -heading, x
-    return count
 
 
 def acceleration(capture: Capture, q: int, order: int = 2) -> Array:
@@ -123,17 +97,17 @@ def acceleration(capture: Capture, q: int, order: int = 2) -> Array:
 
 
 def position_noise(capture: Capture) -> float:
-    """Standard deviation of the position's noise: that of rounding, unless high differences show far more."""
+    """Standard deviation of the position's noise: that of rounding, or of high differences where it is larger."""
     order = thresholds.NOISE_DIFFERENCES
     differences = np.abs(np.diff(capture.position, order))
     seen = float(np.median(differences)) / 0.6745 / math.sqrt(math.comb(2 * order, order)) if len(differences) else 0.0
-    rounding = capture.encoder_step / math.sqrt(12.0)
-    return seen if seen > thresholds.BEYOND_ROUNDING * rounding else rounding
+    return max(capture.encoder_step / math.sqrt(12.0), seen)
 
 
 def resolution(capture: Capture) -> float:
-    """The encoder step (rad | m) whose rounding is as much as the position's noise: a log may hold more than rounding.
+    """The encoder step (rad | m), or that whose rounding would be as much as the noise where the position has far more.
 
     Time stamps that jitter, an estimated angle, an analogue sensor: a stage file says nothing of them.
     """
-    return math.sqrt(12.0) * position_noise(capture)
+    seen = math.sqrt(12.0) * position_noise(capture)
+    return seen if seen > thresholds.BEYOND_ROUNDING * capture.encoder_step else capture.encoder_step
