@@ -55,9 +55,10 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) 
     if all(np.ptp(run.mean.rows[:, 1]) < thresholds.COVERED * pitch for run in runs):
         return _of_no_pitch(p, runs, pitch)
     samples = _samples(runs, pitch, p.stage.encoder.delay_samples, effort)
-    turns, whole = samples.position / pitch, np.arange(1, thresholds.HIGHEST_ORDER + 1)
+    highest = _resolved(runs, pitch, thresholds.ORDERS)
+    turns, whole = samples.position / pitch, np.arange(1, highest + 1)
     signals = np.stack([samples.effort, samples.effort * samples.current, samples.effort * samples.direction])
-    cogging, ripple, lead = power(signals, turns, thresholds.HIGHEST_ORDER)
+    cogging, ripple, lead = power(signals, turns, highest)
     balls = power(signals[2:], turns / thresholds.ORDERS_PER_WHOLE, thresholds.HIGHEST_FRACTIONAL)[0]
     steps = _fractional()
     return {
@@ -103,12 +104,23 @@ def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
     travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
     turn = thresholds.STEPS_PER_TRAVEL * travel
     samples = _samples(runs, travel, p.stage.encoder.delay_samples, effort)
-    grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, thresholds.MOST_STEPS + 1)
-    spectrum = power(samples.effort[None], samples.position / turn, thresholds.MOST_STEPS)[0][grid - 1]
+    most = _resolved(runs, turn, thresholds.STEPS)
+    grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, most + 1)
+    spectrum = power(samples.effort[None], samples.position / turn, most)[0][grid - 1]
     # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
     around = np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="nearest"), 1e-300)
     orders: Array = grid.astype(np.float64) * (pitch / turn)
     return Lines(orders, spectrum / around, pitch / travel)
+
+
+def _resolved(runs: Sequence[Run], turn: float, limits: tuple[int, int]) -> int:
+    """Largest number of periods in `turn` (rad | m) that rows show at the largest speed, within `limits`.
+
+    At a constant speed rows are a grid of places, on which finer periods look like coarse ones, and a constant like fine.
+    """
+    ways = [np.abs(np.diff(run.mean.rows[:: thresholds.KEPT, 1])) for run in runs]
+    finest = 2.0 * max(float(np.quantile(way, thresholds.FAST_ROWS)) for way in ways)
+    return int(np.clip(turn / max(finest, 1e-300), *limits))
 
 
 def modes(runs: Sequence[Run], residuals: Sequence[list[Array]]) -> tuple[float, ...]:

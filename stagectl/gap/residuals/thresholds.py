@@ -63,9 +63,10 @@ EXPLAINED = 1e-8
 SINGULAR = 1e-14  # relative singular value below which a direction is left out of a fit
 
 # -- orders of the pitch and resonances --------------------------------------------------------------------------------
-# Largest order of the pitch that is searched.  Cogging has the least common multiple of slots and poles: 84 for 12 and
-# 14, 252 for 36 and 42.
-HIGHEST_ORDER = 400
+# Largest order of the pitch that is searched: always, and where the rows resolve it.  Cogging has the least common
+# multiple of slots and poles: 84 for 12 and 14, 252 for 36 and 42.
+ORDERS = (60, 400)
+FAST_ROWS = 0.99  # share of the rows whose speed is no larger than the one that must be resolved; chosen
 BINS_PER_PERIOD = 16  # of the position, in a periodogram: 0.6 % of a line at the highest order is lost
 PEAKS = 3  # strongest orders or resonances of each kind that become candidates
 ORDERS_PER_WHOLE = 20  # steps between two whole orders, for effects whose order need not be whole
@@ -74,8 +75,9 @@ LOWEST_FRACTIONAL, HIGHEST_FRACTIONAL = 26, 600  # of these steps, orders of a b
 ORDERS_APART = 0.5  # orders between two ball-pass candidates
 LEAD_ORDERS = (2.0, 3.0)  # orders at which the friction of a lead may vary
 COVERED = 0.9  # of a pitch: a run that covers less does not show its orders
-# Where the pitch is not known: steps of a period over the travel, and from how many periods to how many such steps.
-STEPS_PER_TRAVEL, FEWEST_PERIODS, MOST_STEPS = 4, 4, 4800
+# Where the pitch is not known: steps of a period over the travel; from how many periods, and to how many such steps,
+# always and where the rows resolve them.
+STEPS_PER_TRAVEL, FEWEST_PERIODS, STEPS = 4, 4, (1200, 4800)
 ORDER_SURROUNDINGS = 41  # of these steps, whose median a line must exceed; odd
 MOVING = 0.02  # share of the largest speed: slower samples do not enter a periodogram over the angle
 LOWEST_MODE, HIGHEST_MODE = 6.0, 75.0  # Hz: range in which a machine base rings
