@@ -116,7 +116,7 @@ def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
 def _resolved(runs: Sequence[Run], turn: float, limits: tuple[int, int]) -> int:
     """Largest number of periods in `turn` (rad | m) that rows show at the largest speed, within `limits`.
 
-    At a constant speed rows are a grid of places, on which finer periods look like coarse ones, and a constant like fine.
+    At one speed rows are a grid of places, on which fine periods look like coarse ones, and a constant like fine ones.
     """
     ways = [np.abs(np.diff(run.mean.rows[:: thresholds.KEPT, 1])) for run in runs]
     finest = 2.0 * max(float(np.quantile(way, thresholds.FAST_ROWS)) for way in ways)
