@@ -201,6 +201,7 @@ def _answer(
         unknown=shape,
         traces=tuple(closure.traces),
         notes=(*session.notes, *validation.warnings),
+        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
     )
 
 
@@ -260,7 +261,7 @@ def _empty(session: Session, verdict: str) -> DiagnosisResult:
         shares=(),
         doubts=session.doubts,
         notes=session.notes,
-        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
+        cannot_tell=session.cannot_tell,
         kind=session.kind,
         travel_per_unit=session.travel_per_unit,
         force_constant=session.stage.motor.force_constant,

@@ -185,6 +185,6 @@ def test_a_ripple_above_the_band_is_said_to_be_hardly_judged(ripple: float, said
     """Cogging of a bare motor at a turn a second lies at 72 Hz: at 1 kHz it weighs next to nothing."""
     time = 0.001 * np.arange(4000)
     current = np.sin(2.0 * np.pi * 0.5 * time) + ripple * np.sin(2.0 * np.pi * 72.0 * time)
-    log = SimpleNamespace(driving=current, valid=np.ones(len(time), dtype=bool))
+    log = SimpleNamespace(commanded=True, driving=current, valid=np.ones(len(time), dtype=bool))
     session: Any = SimpleNamespace(dt=0.001, logs=[log])
     assert len(whitening.unjudged(session)) == said

@@ -124,7 +124,8 @@ def gains(p: Whitener, lines: Array, dt: float) -> tuple[Array, Array]:
 def unjudged(session: Session) -> list[str]:
     """What to say where much of the effort lies at frequencies at which a missing effort weighs little."""
     edge = thresholds.ROLL_OFF / session.dt
-    spectra = [periodogram(log.driving[log.valid], 1.0 / session.dt) for log in session.logs]
+    driven = [log for log in session.logs if log.commanded or log.current is not None]
+    spectra = [periodogram(log.driving[log.valid], 1.0 / session.dt) for log in driven]
     above, whole = np.sum([(power[lines > edge].sum(), power.sum()) for lines, power in spectra], axis=0)
     if not above > thresholds.UNJUDGED * whole:
         return []
