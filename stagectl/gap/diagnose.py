@@ -60,6 +60,7 @@ from stagectl.gap.validation.validate import Validation, validate
 from stagectl.identification.thresholds import LEAST_ENCODER_STEPS
 from stagectl.kernels.stage import Stage, sliding
 from stagectl.number_format import duration
+from stagectl.units import unit_on
 
 
 class Options(NamedTuple):
@@ -248,7 +249,7 @@ def _unsearched(session: Session, verdict: str, reason: str) -> DiagnosisResult:
 
 def _empty(session: Session, verdict: str) -> DiagnosisResult:
     """An answer that says nothing but its verdict: where the search cannot begin, and before it is filled."""
-    unit = "m" if session.kind == "linear" else "rad"
+    unit = unit_on(session.kind, "rad | m")
     return DiagnosisResult(
         verdict,
         "",

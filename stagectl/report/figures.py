@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_blocks import Axis as StageAxis
 from stagectl.number_format import prefix
-from stagectl.units import LINEAR
+from stagectl.units import unit_on
 
 TARGET, WITHOUT, WITH = "#334155", "#d97706", "#0f766e"  # reference, without and with compensation
 FAINT = "#94a3b8"  # zero lines, measured points in the background
@@ -68,7 +68,7 @@ def across_rows(axes: Axes) -> None:
 
 def effort_unit(kind: str) -> str:
     """N on a linear axis, N m on a rotary one."""
-    return "N" if kind == LINEAR else "N m"
+    return unit_on(kind, "N m | N")
 
 
 def displacement_unit(axis: StageAxis) -> tuple[float, str]:

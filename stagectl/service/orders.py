@@ -222,13 +222,18 @@ class OrderHandler:
             (motion.axis, motion.axis.start(laid_out, len(tasks))._replace(stops=motion.stops))
             for motion, laid_out in planned
         ]
+        await self._together(orders)
+        return [motion for motion, _ in planned]
+
+    async def _together(self, orders: Sequence[tuple[AxisController, Order]]) -> None:
+        """Give all of them; where one is refused, those that wait for it must not wait for a later one."""
         try:
             await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
         except StageError:
-            for axis, _ in orders[1:] and orders:  # those that wait for the refused one must not wait for a later one
-                axis.board.stop(INTERFACE, HOLD)
+            if len(orders) > 1:
+                for axis, _ in orders:
+                    axis.board.stop(INTERFACE, HOLD)
             raise
-        return [motion for motion, _ in planned]
 
 
 def _why_not_there(motion: _Wanted) -> str:

@@ -17,6 +17,7 @@ from stagectl.tuning.families import law_of
 from stagectl.tuning.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
 from stagectl.tuning.search import Tuned
 from stagectl.typed_json import finite
+from stagectl.units import unit_on
 
 NAMES = {"pid": "PID", "cascade": "P-PI cascade"}
 
@@ -44,7 +45,7 @@ class ClosedLoop(NamedTuple):
 
 def gains(setup: Setup, control: design.Settings) -> list[Gain]:
     """The gains of `control` on the stage."""
-    position = "m" if setup.file.axis.kind == "linear" else "rad"
+    position = unit_on(setup.file.axis.kind, "rad | m")
     designed = design.designed_feedback(setup.stage, control)
     if isinstance(designed, feedback.Gains):
         return _of_pid(designed, feedback.discretised(designed, control.period), f"A/{position}", position)

@@ -18,6 +18,7 @@ from stagectl.gap.selection.candidates import EffectValues, equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
 from stagectl.kernels.stage import Stage
+from stagectl.units import unit_on
 
 DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects that are one, and its name among their values
 
@@ -112,7 +113,7 @@ def _with_period(values: dict[str, Value], session: Session) -> dict[str, Value]
     if next(iter(values), "") != "order":
         return values
     order, pitch = values["order"], session.stage.mechanics.pitch
-    unit = "m" if session.kind == "linear" else "rad"
+    unit = unit_on(session.kind, "rad | m")
     return {"period": Value(pitch / order.value, pitch / order.high, pitch / order.low, unit), **values}
 
 

@@ -71,10 +71,8 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) 
 
 def _fractional() -> NDArray[np.int64]:
     """Orders that are not whole, in steps."""
-    steps, whole = (
-        np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.HIGHEST_FRACTIONAL + 1),
-        thresholds.ORDERS_PER_WHOLE,
-    )
+    steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.HIGHEST_FRACTIONAL + 1)
+    whole = thresholds.ORDERS_PER_WHOLE
     return steps[np.abs(steps - whole * np.round(steps / whole)) >= thresholds.APART_FROM_WHOLE]
 
 

@@ -28,6 +28,7 @@ from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.gap.validation.thresholds import BLOCKS, OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.stage import Stage
+from stagectl.units import unit_on
 
 
 class Closure(NamedTuple):
@@ -88,7 +89,7 @@ def _gaps(
 ) -> dict[str, Gap]:
     """The gap of each channel of the simulated `rows` before and after, with the closure that was `expected`."""
     gaps = {}
-    for channel, unit in (("position", "m" if session.kind == "linear" else "rad"), ("current", "A")):
+    for channel, unit in (("position", unit_on(session.kind, "rad | m")), ("current", "A")):
         before, after = (held_out_gap.squares(judged, simulated, channel) for simulated in rows)
         least = held_out_gap.floor(judged, rows[1], channel)
         closing = expected[channel].closure if channel in expected else None
@@ -113,7 +114,7 @@ def along_the_path(session: Session, e: Evidence, selected: Selection, improved:
     nominal, better = sensitivities.model_of(session, session.stage), now._replace(stage=improved)
     before, after = (effort(model, paths, noise, dt) for model in (nominal, better))
     least = effort_floor(now, paths, noise, dt)
-    gap = held_out_gap.gap(before, after, least, "N" if session.kind == "linear" else "N m")
+    gap = held_out_gap.gap(before, after, least, unit_on(session.kind, "N m | N"))
     gap = gap._replace(effort=_whole_effort(paths, session.stage.motor.force_constant))
 
     def remaining(model: TrackedModel) -> float:

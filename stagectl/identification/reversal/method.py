@@ -16,7 +16,7 @@ from stagectl.identification.result import IdentificationResult, Note, Parameter
 from stagectl.identification.reversal.fit import FormFit, ReversalData, fitted, gathered
 from stagectl.identification.reversal.reversals import Reversals, reversals
 from stagectl.identification.thresholds import GENERATIONS
-from stagectl.units import quantity_of
+from stagectl.units import quantity_of, unit_on
 
 UNBOUNDED = ("exponential", "symmetric")  # forms whose fit leaves the physical range of Cs if it may
 
@@ -140,7 +140,7 @@ def curves(data: ReversalData, forms: dict[str, Form]) -> dict[str, Any]:
 
 def _remarks(fits: _FormFits, file: StageFile) -> list[Note]:
     """Notes that the user needs to use the numbers."""
-    force = "N" if file.axis.kind == "linear" else "N m"
+    force = unit_on(file.axis.kind, "N m | N")
     largest, constant = fits.data.largest, fits.data.constant.positive
     texts = [
         "the viscous part is not included: M a and D v of the stage file are subtracted before the fit, and the "

@@ -14,7 +14,7 @@ from stagectl.identification.simultaneous import laws
 from stagectl.identification.simultaneous.estimate import NAMES, Estimate
 from stagectl.identification.simultaneous.regressors import controlled
 from stagectl.number_format import duration, percent
-from stagectl.units import LINEAR, ROTARY
+from stagectl.units import ROTARY, unit_on
 
 COLUMNS = {
     "measured_current": "the measured current",
@@ -111,7 +111,7 @@ def _form(p: Estimate) -> Iterator[Note]:
 
 
 def _effort(p: Estimate) -> str:
-    return "N" if p.file.axis.kind == LINEAR else "N m"
+    return unit_on(p.file.axis.kind, "N m | N")
 
 
 def _percent(p: Estimate, name: str, half: float) -> str:

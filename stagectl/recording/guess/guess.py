@@ -23,7 +23,7 @@ from stagectl.recording.guess.roles import Role
 from stagectl.recording.guess.units import Unit
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import SHARES, Known, Scales
-from stagectl.units import LINEAR, ROTARY, factor
+from stagectl.units import LINEAR, ROTARY, factor, unit_on
 
 
 class GuessedColumn(NamedTuple):
@@ -131,7 +131,7 @@ def _unit_of_position(position: Role, velocity: Role | None, known: Known) -> Un
 
 def _scales(unit: Unit, position: Role | None, time: Array, known: Known) -> tuple[Scales, list[str]]:
     kind = LINEAR if unit.name in ("m", "mm", "um", "nm", "m/s", "mm/s") else ROTARY
-    scales = known.on(Scales(kind, travel_unit="m" if kind == LINEAR else "rad"))
+    scales = known.on(Scales(kind, travel_unit=unit_on(kind, "rad | m")))
     if known.counts:
         return scales, []
     if unit.name != "counts" or position is None:

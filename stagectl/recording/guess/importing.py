@@ -17,7 +17,7 @@ from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import is_text_log, read
 from stagectl.recording.nominal_yaml import axis_values
 from stagectl.recording.scales import Known, Scales, scales_of_stage
-from stagectl.units import LINEAR
+from stagectl.units import unit_on
 
 _LOGS = (".csv", ".txt", ".mat")
 
@@ -64,7 +64,7 @@ def _with(recording: Recording, known: Known) -> Recording:
     step = axis["encoder_step"] if known.counts else None
     said = {"force_constant": known.force_constant or None, "encoder_step": step}
     if said := {key: value for key, value in said.items() if value is not None}:
-        unit = "m" if axis["kind"] == LINEAR else "rad"
+        unit = unit_on(axis["kind"], "rad | m")
         stage = nominal.get("stage") or {"name": recording.path.stem, "kind": axis["kind"], "position_unit": unit}
         recording.meta["nominal"] = {**nominal, "stage": {**stage, **said}}
     return recording
