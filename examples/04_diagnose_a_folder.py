@@ -1,11 +1,11 @@
-"""Diagnose where a machine differs from its model.  The machine drags more in one direction."""
+"""Diagnose where a machine differs from its model.  It has more viscous friction in one direction."""
 
 import stagectl as sc
 
 stage = sc.load_stage("config/ball-screw.yaml")
 machine = stage.changed({"mechanics.viscous_asymmetry": 0.1, "simulation.current_noise": 5e-3})
 
-# The folder: two motions, each repeated, so that noise is told from what repeats.
+# The folder: two motions, each repeated, so that noise can be distinguished from what repeats.
 for number, motion in enumerate(["sine-3.2hz", "sine-1.6hz"] * 2):
     run = sc.simulate(stage, f"config/trajectories/{motion}.yaml", plant=machine, seed=number)
     run.save(f"recordings/session/{motion}-{number}.h5")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import shutil
@@ -88,6 +89,15 @@ def test_the_reference_names_every_entry() -> None:
     shown = {row.key for block in tool("file_entries").stage_blocks() for row in block.rows}
     tags = {"law", "kind", "form", "fault"}  # shown with the block's title
     assert keys(stage_schema()) - tags == shown - tags
+
+
+def test_the_python_reference_shows_no_words_of_built_in_types() -> None:
+    """A field's docstring is that of its value's type: it says nothing of the field."""
+    page = tool("api").pages()["reference/api.md"]
+    built_in = {str(inspect.getdoc(kind)).splitlines()[0] for kind in (str, bool, tuple, dict, type(Path()))}
+    rows = re.findall(r"^\| `\w+` \| (.+) \|$", page, re.MULTILINE)
+    assert len(rows) > 50
+    assert built_in.isdisjoint(rows)
 
 
 def test_links_of_readme_and_manual_lead_somewhere_in_the_repository() -> None:

@@ -11,6 +11,7 @@ import typer
 
 from stagectl.cli.app import application
 from tests.conftest import ROOT
+from tests.printed import tool
 
 GLOSSARY = ROOT / "docs" / "glossary.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -37,6 +38,16 @@ def prose(text: str) -> str:
 def test_pages(page: object) -> None:
     text = _parts()[0] if page == GLOSSARY else str(page.read_text(encoding="utf-8"))  # type: ignore[attr-defined]
     assert sorted(set(retired().findall(prose(text)))) == []
+
+
+def test_generated_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "tools" / "manual")
+    pages: dict[str, str] = {}
+    for made in (tool("reference"), tool("commands"), tool("api"), tool("presets")):
+        pages |= made.pages()
+    pages |= tool("effects").pages(ROOT)
+    assert len(pages) >= 12
+    assert {name: words for name, text in pages.items() if (words := retired().findall(prose(text)))} == {}
 
 
 def _helps(command: Any, name: str) -> Iterator[tuple[str, str]]:

@@ -49,7 +49,7 @@ class Rolling(NamedTuple):
 
 
 class OwnBristle(NamedTuple):
-    """A bristle beside stop operators, as Dahl's or LuGre's; a `coulomb` of 0 is none."""
+    """A bristle in addition to the stop operators, as in Dahl's or LuGre's law; a `coulomb` of 0: none."""
 
     coulomb: Annotated[float, Quantity("N m | N", "[0, 1e6]", "its friction at speed; 0 is none")] = 0.0
     range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "its friction over its stiffness at rest")] = 1.0

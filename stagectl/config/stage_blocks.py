@@ -129,7 +129,7 @@ class Limits(NamedTuple):
         Quantity(
             "A",
             "(0, 1e4]",
-            "difference of measured and commanded current, beside 10 %, that is no fault; absent: 5 % of current_limit",
+            "largest difference of measured and commanded current in addition to 10 %; absent: 5 % of current_limit",
         ),
     ] = None
     continuous_current: Annotated[float | None, Quantity("A", "(0, 1e4]", "current that may flow forever (I2t)")] = None

@@ -79,11 +79,11 @@ class Motor(NamedTuple):
 
     force_constant: Annotated[float, Quantity("N m/A | N/A", "(0, 1e6]", "effort of one ampere, Kt")]
     cogging: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort without current")] = Harmonic()
-    cogging_second: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "a second one")] = Harmonic()
-    cogging_third: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "a third one")] = Harmonic()
-    cogging_fourth: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "a fourth one")] = Harmonic()
+    cogging_second: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort without current")] = Harmonic()
+    cogging_third: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort without current")] = Harmonic()
+    cogging_fourth: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort without current")] = Harmonic()
     ripple: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of the current's effort")] = Harmonic()
-    ripple_second: Annotated[Harmonic, Quantity("", "[-1, 1]", "a second one")] = Harmonic()
+    ripple_second: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of the current's effort")] = Harmonic()
 
 
 class Cable(NamedTuple):

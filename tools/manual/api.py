@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import re
 from typing import Any
@@ -29,8 +30,21 @@ RESULTS = (
 )
 _HEAD = """# Python reference
 
-`import stagectl as sc` offers these functions. [From Python](../api.md) shows them at work.
-A stage or a trajectory may be passed as loaded, or as a path. Numbers are in SI and axis units.
+`import stagectl as sc` offers these functions. [From Python](../api.md) shows how to use them.
+
+Numbers are in SI: rad and N m on a rotary axis, m and N on a linear one. Some types in the signatures have short names:
+
+| type | what you pass |
+|---|---|
+| `StageLike` | a stage as `load_stage` returns it, or the path of a stage file |
+| `TrajectoryLike` | a trajectory as `load_trajectory` returns it, the path of its file, or arrays `(time, position)` |
+| `DataLike` | a run, a log, or the path of a file or a folder |
+| `PathLike` | a `str` or a `pathlib.Path` |
+| `Count` | a whole number, 1 or more |
+| `Seed` | a whole number; `None`: the seed of the stage file |
+| `FrictionLaw` | a function `friction(velocity, position, dt)` that returns a force |
+| `ProgressOption` | `True` shows a bar; a function is called with `(done, total)` |
+| `Say` | a function that is called with each message |
 """
 
 
@@ -57,11 +71,16 @@ def _signature(function: Any) -> str:
 def _class(kind: type) -> str:
     rows = [
         f"| `{name}` | {_text(member).splitlines()[0]} |"
-        for name, member in inspect.getmembers(kind, lambda member: not isinstance(member, type))
+        for name, member in inspect.getmembers(kind, _described)
         if not name.startswith("_") and name not in ("count", "index", "sheet") and inspect.getdoc(member)
     ]
-    table = ["| | |", "|---|---|", *rows] if rows and not hasattr(kind, "_fields") else []
+    table = ["| member | meaning |", "|---|---|", *rows] if rows and not hasattr(kind, "_fields") else []
     return "\n".join([f"### {kind.__name__}", "", _text(kind), "", *table, ""])
+
+
+def _described(member: object) -> bool:
+    """Methods and properties: the docstring of a plain value is that of its type."""
+    return inspect.isroutine(member) or isinstance(member, property | functools.cached_property)
 
 
 def _text(documented: Any) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import os
+import re
 from pathlib import Path
 
 from stagectl_studies.effect_pictures.measured_effect import Scene, motion_named
@@ -32,13 +33,15 @@ SOURCES = (
 )
 INTRODUCTION = """# The effects
 
-The diagnosis searches for these effects, by these names. Each picture shows the residual that the diagnosis works
-with. The ball-screw stage is simulated with the effect. A model without the effect follows the same path. The
-difference is the unexplained effort (or current), drawn over the coordinate of the effect. An unexplained effort that
-opposes the motion is negative where the velocity is positive. Grey points show a machine without the effect.
+An effect is something that a machine has and its model does not contain. The table lists the effects that the
+diagnosis searches for. The following pages show each of them:
 
-The lines below each picture play the effect on the virtual drive, in a copy of `config/ball-screw.yaml`.
-`stagectl gap apply` writes the same lines for an effect that a diagnosis names.
+* **A picture** shows what the effect leaves in the data. The ball-screw stage is simulated with the effect, and a model
+  without it follows the same path. The effort (or current) that the model would need in addition is drawn over the
+  coordinate on which the effect depends. An effort that opposes the motion is negative where the velocity is positive.
+  Grey points show a machine without the effect.
+* **Lines of a stage file** give the virtual drive this effect. Add them to a copy of `config/ball-screw.yaml`.
+  `stagectl gap apply` writes the same lines for an effect that a diagnosis names.
 
 | effect | name | typical size | mistaken for |
 |---|---|---|---|
@@ -73,7 +76,7 @@ def _effect(setup: Setup, text: EffectText, scene: Scene) -> str:
             f"## {title[0].upper()}{title[1:]} {{ #{text.name} }}",
             f"`{text.name}`: {text.what}",
             files,
-            f"*Motion: `{scene.motion}`. {motion.separates}*",
+            f"*The motion of the picture is `{scene.motion}`. {motion.separates}*",
             "\n".join(f"* **{name}**: {value}" for name, value in facts),
             text.lines or _lines(setup, scene),
         )
@@ -92,7 +95,8 @@ def _lines(setup: Setup, scene: Scene) -> str:
     """The lines of the stage file that are not those of the shipped one."""
     before, after = read_text(setup.path).splitlines(), changed(setup, scene).splitlines()
     new = [line[2:] for line in difflib.ndiff(before, after) if line[0] == "+"]
-    return "```yaml\n" + "\n".join(_with_blocks(after, new)) + "\n```"
+    shown = re.sub(r"\d+\.\d{9,}", lambda number: f"{float(number[0]):.7g}", "\n".join(_with_blocks(after, new)))
+    return f"```yaml\n{shown}\n```"
 
 
 def _with_blocks(lines: list[str], new: list[str]) -> list[str]:

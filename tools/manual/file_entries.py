@@ -14,6 +14,7 @@ from stagectl.trajectories.sequence import Entry
 from stagectl.units import Quantity, quantity_of
 
 REQUIRED = "required"
+_HEXADECIMAL = ("index_subindex", "error code")  # words of the meaning of what manuals of drives write so
 
 
 class Row(NamedTuple):
@@ -37,7 +38,7 @@ class Block(NamedTuple):
 
 def stage_blocks() -> list[Block]:
     """All blocks of a stage file, outer ones first."""
-    return list(_blocks(StageFile, "", "", "The whole file."))
+    return list(_blocks(StageFile, "", "", "The blocks of the file."))
 
 
 def trajectory_blocks() -> list[Block]:
@@ -76,11 +77,18 @@ def _item(hint: Any) -> Any:
 
 def _row(field: str, hint: Any, defaults: dict[str, Any]) -> Row:
     quantity = quantity_of(hint)
-    described = hasattr(without_none(hint), "_fields") and not _is_trajectory(hint)
-    words = meaning_of(hint) or (_summary(hint) if described else "")
+    words = meaning_of(hint) or _words(hint)
     default = _shown(defaults[field], quantity) if field in defaults else REQUIRED
     interval = f"{quantity.interval}" if quantity else ""
     return Row(field, _takes(hint, quantity), interval, default, quantity.meaning if quantity else words)
+
+
+def _words(hint: Any) -> str:
+    """What a block is, in the words of its class; of several, the blocks that follow say it."""
+    tag = tag_of(hint)
+    if tag is not None:
+        return "" if tag.key == "type" else f"one of the blocks below, by `{tag.key}`"
+    return _summary(hint) if hasattr(without_none(hint), "_fields") else ""
 
 
 def _takes(hint: Any, quantity: Quantity | None) -> str:
@@ -121,10 +129,18 @@ def _shown(value: Any, quantity: Quantity | None) -> str:
         return "block of defaults"
     if isinstance(value, tuple):
         return "[" + ", ".join(f"{entry:#x}" if isinstance(entry, int) else str(entry) for entry in value) + "]"
-    if isinstance(value, int) and value > 0xFFFF:
-        return f"{value:#x}"
     unit = quantity.unit.split("|")[0].strip() if quantity else ""
-    return f"{value:.10g} {unit}".strip() if isinstance(value, int | float) else str(value)
+    if isinstance(value, int) and quantity and any(word in quantity.meaning for word in _HEXADECIMAL):
+        return f"{value:#x}"
+    return _number(value, unit) if isinstance(value, int | float) else str(value)
+
+
+def _number(value: float, unit: str) -> str:
+    """With its unit; an angle that is a whole number of degrees in degrees."""
+    degrees = math.degrees(value)
+    if unit == "rad" and value and math.isclose(degrees, round(degrees), rel_tol=1e-9):
+        return f"{degrees:.0f} deg"
+    return f"{value:.10g} {unit}".strip()
 
 
 def _summary(kind: Any) -> str:

@@ -6,25 +6,24 @@ from stagectl.drives.canopen.presets import PRESETS, Preset
 
 HEAD = """# Drives
 
-A drive must offer **cyclic synchronous torque mode** (CiA 402, mode 10), a position latched at SYNC, and mappable PDOs.
-Its EDS or DCF file says where the objects are; the stage file says which one takes the current, and what a count is.
-`stagectl drive probe` reads both from the drive, finds its family in the table below, and prints the lines for the
-stage file. `--write` puts them there:
+Which CANopen drives can stagectl use? A drive must offer **cyclic synchronous torque mode** (CiA 402, mode 10), latch
+its position at SYNC, and let its PDOs be mapped. Its EDS or DCF file lists its objects. The stage file says which
+object takes the current, and how large one count of it is. `stagectl drive probe` reads these two from the drive,
+finds the family of the drive in the table below, and prints the lines for the stage file. `--write` puts them there:
 
 ```sh
 stagectl drive probe config/ball-screw.yaml
 stagectl drive presets
 ```
 
-It writes nothing to the drive and changes no state. It compares the EDS that the stage file names with the identity
-that the drive reports. Exit code 1 means that something needs your attention first.
+`probe` writes nothing to the drive and does not change its state. It compares the EDS that the stage file names with
+the identity that the drive reports. Exit code 1 means that something needs your attention first.
 
-!!! warning "Read, never assumed"
-    Option codes (0x605A, 0x605E, 0x6007) differ by maker: they are read back at each start, and shown in words. The
-    unit of the stop ramp 0x6085 differs, too: `drive.wire.deceleration_scale` says what one count of it is. In a wrong
-    unit, a stop does not stop.
+> **Check the stop ramp.** Its unit (object 0x6085) differs from maker to maker: `drive.wire.deceleration_scale` says
+> what one count of it is. With a wrong unit the drive brakes too slowly, or hardly at all. Option codes (0x605A,
+> 0x605E, 0x6007) differ, too: stagectl reads them back at each start and shows them in words.
 
-| preset | family | vendor | rated current from | standing |
+| preset | family | vendor | rated current from | status |
 |---|---|---|---|---|
 """
 ODRIVE = """

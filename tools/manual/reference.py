@@ -18,30 +18,47 @@ def pages() -> dict[str, str]:
         "One file can hold several axes. Shared entries are at their usual places. The entries of each axis are under "
         "`axes`, by dotted names: see `config/xy.yaml`. Every command takes `FILE.yaml#x` as the stage file of axis x."
     )
-    stage = ["# The stage file", "One machine, from its mechanics to its bus.", UNITS, several]
-    trajectory = ["# The trajectory file", "One motion or experiment; `type` says which.", UNITS]
+    stage = [
+        "# The stage file",
+        "A stage file describes one machine: mechanics, friction, drive, encoder, controller and limits. This page "
+        "lists every entry, block by block.",
+        UNITS,
+        several,
+    ]
+    trajectory = [
+        "# The trajectory file",
+        "A trajectory file describes one motion, or one experiment. Its entry `type` says of which kind it is; this "
+        "page lists the entries of each type.",
+        UNITS,
+    ]
     return {
-        "reference/stage.md": "\n\n".join([*stage, *map(_block, _merged(stage_blocks()))]) + "\n",
-        "reference/trajectory.md": "\n\n".join([*trajectory, *map(_block, trajectory_blocks())]) + "\n",
+        "reference/stage.md": "\n\n".join([*stage, *map(_section, _alike(stage_blocks()))]) + "\n",
+        "reference/trajectory.md": "\n\n".join([*trajectory, *map(_section, _alike(trajectory_blocks()))]) + "\n",
     }
 
 
-def _merged(blocks: list[Block]) -> list[Block]:
-    """A block that several choices share stands once."""
-    distinct: dict[tuple[str, str, object], Block] = {}
+def _alike(blocks: list[Block]) -> list[list[Block]]:
+    """Blocks with the same entries, to be shown once; one that several choices share is listed once."""
+    alike: dict[tuple[str, object], dict[str, Block]] = {}
     for block in blocks:
-        distinct.setdefault((block.name, block.choice, block.rows), block)
-    return list(distinct.values())
+        alike.setdefault((block.meaning, block.rows), {}).setdefault(_title(block), block)
+    return [list(group.values()) for group in alike.values()]
 
 
-def _block(block: Block) -> str:
-    title = " ".join(f"`{part}`" for part in (block.name, block.choice) if part) or "The file"
+def _title(block: Block) -> str:
+    return " ".join(f"`{part}`" for part in (block.name, block.choice) if part) or "The file"
+
+
+def _section(alike: list[Block]) -> str:
+    block, *others = alike
+    names = [_title(other._replace(name="") if other.name == block.name else other) for other in others]
+    also = [f"{', '.join(names)}: the same entries.", ""] if others else []
     rows = [
         f"| `{row.key}` | {_cell(row.takes)} | {_cell(row.interval)} | {_cell(row.default)} | {_cell(row.meaning)} |"
         for row in block.rows
     ]
     table = ["| key | takes | range | default | meaning |", "|---|---|---|---|---|", *rows]
-    return "\n".join([f"## {title}", "", block.meaning, "", *(table if rows else [])])
+    return "\n".join([f"## {_title(block)}", "", block.meaning, "", *also, *(table if rows else [])])
 
 
 def _cell(text: str) -> str:

@@ -63,8 +63,8 @@ PRESETS = (
         (
             "0x6071 counts per mille of 0x6075: 2 A of 3.2 A rated are 625.",
             _STEPS,
-            "Its EDS has no event timer of the RPDO (0x1400:05): only the heartbeat (0x1016) tells it that the "
-            "controller is gone.",
+            "Its EDS has no event timer of the RPDO (0x1400:05): it notices the loss of its "
+            "controller by the heartbeat (0x1016) only.",
             "0x6080 limits the speed in torque mode as well: leave it at its largest value "
             "(github.com/nasa-jpl/jsd/issues/86).",
             "Bit rates of 50, 125, 250, 500 kbit/s and 1 Mbit/s.",
@@ -87,7 +87,7 @@ PRESETS = (
             "The cycle of 0x60C2 counts whole milliseconds: take control.period of 1 ms or a multiple.",
             "The unit of accelerations is set by the user, in 0x60AA or, with firmware of 2016, by 0x2063 and 0x2064 "
             "(of a revolution per second squared): look there, and set deceleration_scale.",
-            "None of these documents gives the vendor id: where `probe` does not know the drive, say --preset nanotec.",
+            "None of these documents gives the vendor id: if `probe` does not know the drive, add --preset nanotec.",
         ),
         (
             "PD4-E-M Technical Manual 1.0.1, FIR-v1748, page 246: 6077h; 6075h shows 203Bh:01 in mA",
@@ -100,12 +100,12 @@ PRESETS = (
         "Kollmorgen AKD",
         0x006A,
         RATED,
-        "DRV.ICONT, the continuous current of the drive's settings; give it with --rated where 0x6075 does not tell",
+        "DRV.ICONT, the continuous current of the drive's settings; give it with --rated if 0x6075 does not report it",
         None,
         (
             "0x6071 and 0x6077 count per mille of the rated torque; 1000 belong to DRV.ICONT.",
-            "The manual of 2012 describes 0x6071 for profile torque: whether this firmware offers cyclic synchronous "
-            "torque stands in 0x6502.",
+            "The manual of 2012 describes 0x6071 for profile torque only: look in 0x6502 whether this firmware offers "
+            "cyclic synchronous torque.",
             "Accelerations follow the drive's own unit settings: set deceleration_scale.",
         ),
         (

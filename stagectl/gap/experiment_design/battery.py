@@ -50,7 +50,7 @@ def _strong_sine(p: StageScale) -> Recipe:
 
 
 def _micro(ratio: float, counts: float, where: str) -> Recipe:
-    words = f"A sine {where} presliding: a dead zone shows no force first, rolling friction the most stiffness."
+    words = f"A sine {where} presliding: after a reversal a dead zone shows no force, rolling friction most stiffness."
     return Recipe(words, lambda p: (Dwell(0.1), micro(p, ratio, counts)), "micro")
 
 
@@ -61,10 +61,12 @@ _SINES = {
 }
 _OTHERS = {
     "stairs": Recipe(
-        "Six speeds both ways: friction over speed, its curvature, and its two sides.",
+        "Six speeds in both directions: how friction depends on speed, and how the two directions differ.",
         lambda p: motions.speeds(p, 0.025, 1.0, 6, 0.7),
     ),
-    "scan": Recipe("The stroke, slowly, both ways: all that depends on the place.", lambda p: scan(p, 6.0)),
+    "scan": Recipe(
+        "The whole stroke, slowly, in both directions: what depends on the position.", lambda p: scan(p, 6.0)
+    ),
     "micro-above": _micro(3.8, 200.0, "beyond"),
     "micro-within": _micro(0.6, 60.0, "within"),
     "micro-deep": _micro(0.15, 20.0, "deep within"),

@@ -18,7 +18,7 @@ def library(setup: Setup) -> tuple[Experiment, ...]:
     return made(scale_of(setup), RECIPES)
 
 
-_SPREAD = "Speeds both ways, log-spaced over {}: "
+_SPREAD = "Speeds in both directions, log-spaced over {}: "
 _LINES = "An odd multisine of 3 to 500 Hz on a moving axis, at the {} of the stroke: resonance against delay."
 
 RECIPES = {
@@ -35,7 +35,7 @@ RECIPES = {
         lambda p: motions.speeds(p, 0.002, 0.06, 6, 1.5),
     ),
     "stairs-fast": Recipe(
-        _SPREAD.format("the fastest quarter") + "curvature of viscous friction, and its two sides.",
+        _SPREAD.format("the fastest quarter") + "curvature of viscous friction, and how the directions differ.",
         lambda p: motions.speeds(p, 0.25, 1.0, 6, 0.8),
     ),
     "creep": Recipe("A slow creep: the encoder's periods and the steps of the command, one at a time.", motions.creep),
@@ -48,10 +48,11 @@ RECIPES = {
         lambda p: motions.constant(p, 0.35, 0.9),
     ),
     "scan-slow": Recipe(
-        "The stroke both ways, slowly: a spring pushes one way, friction opposes both.", lambda p: motions.scan(p, 15.0)
+        "The whole stroke, slowly, in both directions: a spring pushes in one direction, friction opposes both.",
+        lambda p: motions.scan(p, 15.0),
     ),
     "scans-at-two-speeds": Recipe(
-        "The stroke at two speeds both ways: what stays in place, and what moves with speed.",
+        "The stroke at two speeds, in both directions: what depends on the position, and what on the speed.",
         lambda p: (*motions.scan(p, 8.0), *motions.scan(p, 3.0)),
     ),
     "scan-at-two-loads": Recipe(
