@@ -15,7 +15,7 @@ from stagectl.units import StageError
 
 def commission(
     stage: StageArgument,
-    person: Annotated[str, option("--person NAME", "Who lets each step happen, and signs.")] = "",
+    person: Annotated[str, option("--person NAME", "Name of the person who confirms each step and signs.")] = "",
     yes: Annotated[bool, option("--yes", "Ask nobody; on a virtual drive or a model only.")] = False,
     again: Annotated[str, option("--again STEP", "Do this step and those after it once more.")] = "",
     simulate: Simulate = False,
@@ -27,7 +27,7 @@ def commission(
     """Commission an axis: probe, accept, identify, tune, compensate, close the gap, compare.
 
     Each step asks before it moves, and shows its page. The stage file changes with it: `gap close --back` goes back.
-    What is done stands in STAGE.commission.json; the same command goes on after it.
+    STAGE.commission.json lists what is done; type the same command again to continue.
 
     Example: stagectl commission my-stage.yaml --yes --person "A. Turing" --machine-of-the-day 7
     """
@@ -66,7 +66,9 @@ _WORD = "go"
 
 def accept(
     stage: StageArgument,
-    person: Annotated[str, option("--person NAME", "Who lets each step happen, and signs the page.")] = "",
+    person: Annotated[
+        str, option("--person NAME", "Name of the person who confirms each step and signs the page.")
+    ] = "",
     current: Annotated[str | None, option("--current CURRENT", "Largest current of all tests, e.g. '1.2 A'.")] = None,
     output: Annotated[Path | None, option("--output -o FILE", "The page, .html and .json; default: by date.")] = None,
     key: Key = None,
@@ -112,7 +114,7 @@ def accept(
 def verify(
     page: Annotated[Path, argument("PAGE.json", "What `drive accept` wrote.")], key: Key = None, json: Json = None
 ) -> None:
-    """Check that an acceptance was not changed since it was signed, and says that the axis is accepted.
+    """Check that an acceptance has not changed since it was signed, and that it accepts the axis.
 
     Example: stagectl drive verify acceptance.json
     """

@@ -9,6 +9,7 @@ from stagectl.api.arguments import LAYERS, switched_off
 from stagectl.cli.motion import noted
 from stagectl.cli.options import (
     Channel,
+    FirstAxis,
     Folder,
     Json,
     Plant,
@@ -74,16 +75,16 @@ def compare(
         list[Path] | None, option("--learned FILE.h5", "Learned current for ilc, instead of learning first.")
     ] = None,
     trials: Trials = 8,
-    seed: Annotated[int, option("--seed", "Of the order of the runs.", min=0)] = 1,
+    seed: Annotated[int, option("--seed", "Seed of the order of the runs.", min=0)] = 1,
     output: Annotated[Path | None, option("--output -o FOLDER", "Where to put recordings and page.")] = None,
     channel: Channel = None,
     json: Json = None,
 ) -> None:
     """Run a motion with different layers, interleaved, and report which of them help, and how certain that is.
 
-    A variant is `off` (feedback alone) or layers joined by +: ptc, friction, effects, observer, ilc.  In the place of
-    friction stands model, table, gms, rheology or another compensator of the stage file.  The first variant is what
-    the others are compared with.  What ilc needs is learned first, unless --learned gives it.
+    A variant is `off` (feedback alone) or layers joined by +: ptc, friction, effects, observer, ilc.  Instead of
+    friction, name a compensator of the stage file: model, table, gms, rheology, ...  The other variants are compared
+    with the first one.  ilc is the learned current; it is learned first, unless --learned gives it.
 
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """
@@ -127,9 +128,9 @@ def engine(simulate: bool) -> None:
 
 def effects(
     trajectory: TrajectoryArgument,
-    axis: Annotated[str, option("--axis NAME", "Which axis; default: the first one.")] = "",
+    axis: FirstAxis = "",
     repeats: Annotated[int, option("--repeats", "Number of runs of each variant.", min=2, max=1000)] = 5,
-    seed: Annotated[int, option("--seed", "Of the order of the runs.", min=0)] = 1,
+    seed: Annotated[int, option("--seed", "Seed of the order of the runs.", min=0)] = 1,
     keep: Annotated[bool, option("--keep", "Only measure; drop nothing.")] = False,
     output: Folder = None,
     socket: Socket = None,

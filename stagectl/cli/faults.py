@@ -63,7 +63,7 @@ def selftest(
     only: Annotated[list[str] | None, option("--only FAULT", "These faults only.")] = None,
     signed: Annotated[str, option("--signed NAME", "Name of the person who signs.")] = "",
     current: Annotated[
-        str | None, option("--current", "Test the real drive with at most this current, e.g. '2 A'. It moves!")
+        str | None, option("--current", "Test the real drive, which moves, with at most this current, e.g. '2 A'.")
     ] = None,
     travel: Annotated[str, option("--travel", "Distance of one move of the real drive.")] = "5 mm",
 ) -> None:

@@ -90,7 +90,7 @@ def close(
     plant: Plant = None,
     seed: Annotated[int, option("--seed", "Seed of noise and order.", min=0, max=2**31 - 1)] = 1,
     write: Annotated[bool, option("--write", "Put the model into STAGE.yaml; --back undoes it.")] = False,
-    back: Annotated[bool, option("--back", "Only put the version of STAGE.yaml before it back.")] = False,
+    back: Annotated[bool, option("--back", "Only restore the previous version of STAGE.yaml.")] = False,
     channel: Channel = None,
     json: Json = None,
 ) -> None:

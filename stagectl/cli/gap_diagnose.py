@@ -15,14 +15,15 @@ from stagectl.units import StageError
 
 _EXAMPLE = "kind=rotary,force_constant=0.05,inertia=1e-4"
 
-Folder = Annotated[list[Path], argument("FOLDER...", "Of recordings or captures; or single logs and recordings.")]
+Folder = Annotated[
+    list[Path], argument("FOLDER...", "Folders of recordings or captures, or single logs and recordings.")
+]
 StageFile = Annotated[Path | None, option("--stage STAGE.yaml", "The model, where the logs carry none.")]
 Exclude = Annotated[
-    list[str] | None, option("--exclude NAMES", "Effects that must not be candidates, nor wider ones that hold them.")
+    list[str] | None,
+    option("--exclude NAMES", "Effects to leave out of the search, with all effects that contain them."),
 ]
-Full = Annotated[
-    bool, option("--full", "A null ensemble three times as large, six times the resamples: a quarter longer.")
-]
+Full = Annotated[bool, option("--full", "Use a larger null ensemble and more resamples; takes a quarter longer.")]
 
 
 def _values(model: str | None) -> dict[str, float | str] | str | None:
@@ -62,9 +63,11 @@ def diagnose(
     predictions: Annotated[
         Path | None, option("--predictions DIR", "A CSV for each held-out capture, from the improved simulator.")
     ] = None,
-    report: Annotated[Path | None, option("--report FILE.html", "Where the page goes, else into the folder.")] = None,
+    report: Annotated[
+        Path | None, option("--report FILE.html", "Where the page goes; default: into the folder.")
+    ] = None,
     output: Annotated[
-        Path | None, option("--output -o DIR", "Where diagnosis.json goes, else into the folder.")
+        Path | None, option("--output -o DIR", "Where diagnosis.json goes; default: into the folder.")
     ] = None,
     full: Full = False,
     doubtful: Annotated[

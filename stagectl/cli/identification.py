@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stagectl.api.arguments import ArgumentError, quantity
-from stagectl.cli.options import AxisName, Columns, Json, Report, Socket, StageArgument, Write, argument, option
+from stagectl.cli.options import Columns, FirstAxis, Json, Report, Socket, StageArgument, Write, argument, option
 from stagectl.cli.show import console, deliver, page_path, patch, reporter, single_threaded_algebra
 from stagectl.identification.catalogue import listed
 from stagectl.units import Quantity, StageError
@@ -39,17 +39,18 @@ def _method(name: str) -> str:
 
 
 Current = Annotated[str | None, option("--current COLUMN", "measured_current, current (limited) or command.")]
-Compensation = Annotated[str | None, option("--compensation NAME", "Compensator to act: table, gms or rheology.")]
+Compensation = Annotated[str | None, option("--compensation NAME", "Compensator that acts: table, gms or rheology.")]
 Watch = Annotated[
     bool, option("--watch", "Follow the friction of a running service, and keep its compensation current.")
 ]
 Within = Annotated[
-    float | None, option("--within", "Of --watch: bound of the change, else 0.3: 30 %.", min=0.01, max=1.0)
+    float | None,
+    option("--within", "With --watch: largest change of the scale; default: 0.3, which is 30 %.", min=0.01, max=1.0),
 ]
 
 
 def identify(
-    method: Annotated[str, argument("METHOD", "\n\n".join(["One of these.", *listed()]), callback=_method)],
+    method: Annotated[str, argument("METHOD", "\n\n".join(["One of the following.", *listed()]), callback=_method)],
     stage: StageArgument,
     captures: Annotated[list[Path] | None, argument("CAPTURE...", "Recordings, logs or folders of captures.")] = None,
     json: Json = None,
@@ -59,17 +60,17 @@ def identify(
     columns: Columns = None,
     delay: Annotated[str | None, option("--delay TIME", "A known delay, such as 0.2ms.")] = None,
     gravity: Annotated[bool, option("--gravity", "The axis turns in gravity: sine and cosine of its angle.")] = False,
-    directions: Annotated[bool, option("--directions", "Friction of its own in each direction.")] = False,
-    form: Annotated[str | None, option("--form", "Of zero-crossing: the form whose parameters are wanted.")] = None,
-    seed: Annotated[int | None, option("--seed", "Of a method that searches at random.")] = None,
-    doubtful: Annotated[bool, option("--doubtful", "Go on where a capture's units or current look wrong.")] = False,
+    directions: Annotated[bool, option("--directions", "Fit the friction of each direction separately.")] = False,
+    form: Annotated[str | None, option("--form", "With zero-crossing: the form of the curve to fit.")] = None,
+    seed: Annotated[int | None, option("--seed", "Seed of a method that searches at random.")] = None,
+    doubtful: Annotated[bool, option("--doubtful", "Continue even if units or current look wrong.")] = False,
     compensation: Compensation = None,
     compensators: Annotated[str, option("--compensators NAMES", "Compensators to `compare`: table,gms,rheology.")] = "",
     watch: Watch = False,
-    every: Annotated[str | None, option("--every TIME", "Of --watch: what one look takes, else 10 s.")] = None,
+    every: Annotated[str | None, option("--every TIME", "With --watch: length of a look; default: 10 s.")] = None,
     within: Within = None,
     socket: Socket = None,
-    axis: AxisName = "",
+    axis: FirstAxis = "",
 ) -> None:
     """Find the parameters of an axis from captures of its motion.
 
@@ -137,17 +138,18 @@ def _follow(stage: Path, looks: Iterator[Verdict], write: Path | None, json: str
 def tune(
     stage: StageArgument,
     bandwidth: Annotated[
-        str | None, option("--bandwidth FREQUENCY", "Such as 40Hz; else the highest that holds.")
+        str | None, option("--bandwidth FREQUENCY", "For example 40Hz; default: the highest that keeps the margins.")
     ] = None,
     margin: Annotated[
-        str | None, option("--margin ANGLE", "Least phase margin, such as 30deg; else the file's.")
+        str | None, option("--margin ANGLE", "Least phase margin, for example 30deg; default: the stage file's.")
     ] = None,
     ms: Annotated[
         str | None, option("--ms FACTOR", "Largest peak of the sensitivity; without --bandwidth it is 2.")
     ] = None,
-    law: Annotated[Literal["pid", "cascade"] | None, option("--law", "Else the stage file's.")] = None,
+    law: Annotated[Literal["pid", "cascade"] | None, option("--law", "Default: the stage file's.")] = None,
     start: Annotated[
-        Literal["rule", "own"], option("--start", "Ratios of a cascade: by the rule, or the file's own.")
+        Literal["rule", "own"],
+        option("--start", "Ratios of a cascade's gains: by the rule, or those of the stage file."),
     ] = "rule",
     write: Write = None,
     json: Json = None,

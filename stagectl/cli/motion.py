@@ -117,16 +117,16 @@ def virtual_drive(
     stage: StageArgument,
     channel: Channel = None,
     seed: Annotated[
-        int | None, option("--seed", "Of its noise, instead of the stage file's.", min=0, max=2**31 - 1)
+        int | None, option("--seed", "Seed of its noise, instead of the stage file's.", min=0, max=2**31 - 1)
     ] = None,
     machine_of_the_day: MachineOfTheDay = 0,
     reveal: Annotated[bool, option("--reveal", "Say what was drawn for the machine of the day.")] = False,
     follow: Annotated[
-        bool, option("--follow/--no-follow", "Leave when the process that started this one dies.", hidden=True)
+        bool, option("--follow/--no-follow", "End when the process that started this one dies.", hidden=True)
     ] = False,
     json: Lines = None,
 ) -> None:
-    """Be a virtual CANopen drive, or ODrive, with the stage inside, until interrupted.
+    """Run a virtual drive, CANopen or ODrive, that contains the stage model, until Ctrl-C.
 
     Example: stagectl virtual-drive config/ball-screw.yaml
     """
@@ -161,7 +161,8 @@ def virtual_drive(
 
 
 def demo(
-    output: Annotated[Path, option("--output -o FOLDER", "Where to put it all.")] = Path("demo"), json: Json = None
+    output: Annotated[Path, option("--output -o FOLDER", "Folder for the recordings and the page.")] = Path("demo"),
+    json: Json = None,
 ) -> None:
     """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation.
 

@@ -41,14 +41,17 @@ def replacing(mark: str) -> Callable[[Any], Any]:
 
 StageArgument = Annotated[Path, argument("STAGE.yaml", "The machine.")]
 TrajectoryArgument = Annotated[Path, argument("TRAJECTORY.yaml", "The motion.")]
-Stages = Annotated[list[str], argument("STAGE.yaml...", "The machine; several files: x=STAGE.yaml ...")]
+Stages = Annotated[
+    list[str], argument("STAGE.yaml...", "The machine; several files as NAME=STAGE.yaml, e.g. x=x.yaml y=y.yaml.")
+]
 Json = Annotated[str | None, option("--json FILE", "Result as JSON; - for standard output.", callback=replacing(JSON))]
 Lines = Annotated[
     str | None,
     option("--json FILE", "A line of JSON for each message; - for standard output.", callback=replacing(JSON_LINES)),
 ]
 Report = Annotated[
-    Path | None, option("--report FILE.html", "Where the page goes, else into recordings/.", callback=replacing(PAGE))
+    Path | None,
+    option("--report FILE.html", "Where the page goes; default: into recordings/.", callback=replacing(PAGE)),
 ]
 Write = Annotated[Path | None, option("--write STAGE.yaml", "Write the result into a copy, or the file itself.")]
 Folder = Annotated[Path | None, option("--output -o FOLDER", "Where to put the recordings.")]
@@ -66,13 +69,15 @@ MachineOfTheDay = Annotated[
     int,
     option(
         "--machine-of-the-day SEED",
-        "A machine drawn around the model: parameters, friction and effects that nobody has seen; 0: the model.",
+        "Draw a machine near the model, with hidden parameters, friction and effects; 0: the model itself.",
         min=0,
         max=2**31 - 1,
     ),
 ]
 Socket = Annotated[Path | None, option("--socket PATH", "Control socket of the service; default: $STAGECTL_SOCKET.")]
 AxisName = Annotated[str, option("--axis NAME", "One axis; default: all.")]
+OneAxis = Annotated[str, option("--axis NAME", "Which axis; needed if there are several.")]
+FirstAxis = Annotated[str, option("--axis NAME", "Which axis; default: the first one.")]
 NoWait = Annotated[bool, option("--no-wait", "Return when the motion has started.")]
 Columns = Annotated[
     str | None, option("--columns WHICH", "Of logs: time=t,position=qm:mm,current=3; numbers count from 1.")

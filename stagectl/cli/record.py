@@ -10,7 +10,7 @@ from urllib.parse import quote
 import typer
 
 from stagectl.api.arguments import quantity
-from stagectl.cli.options import AxisName, Json, Socket, option
+from stagectl.cli.options import Json, OneAxis, Socket, option
 from stagectl.cli.service import ask_service
 from stagectl.cli.show import console, emit, progress
 from stagectl.problem import Problem, ProblemKind, why_unread
@@ -29,7 +29,7 @@ def record(
     before: Annotated[str, option("--before TIME", "Include this much of the past, as far as available.")] = "0 s",
     end: Annotated[bool, option("--end", "End the recording that goes on, instead of beginning one.")] = False,
     name: Annotated[str, option("--name NAME", "Name of the service's file; default: the time.")] = "",
-    axis: AxisName = "",
+    axis: OneAxis = "",
     socket: Socket = None,
     json: Json = None,
 ) -> None:

@@ -41,7 +41,7 @@ def report(recording: RecordingArgument, output: Where = None, json: Json = None
 
 
 def replay(recording: RecordingArgument, json: Json = None) -> None:
-    """Run the recorded feedback through the same law; exit 1 if the commands differ in any bit.
+    """Compute each command again from the recorded positions; exit 1 if one differs in any bit.
 
     Example: stagectl replay recordings/sine.h5
     """
@@ -142,7 +142,7 @@ def import_(
 ) -> None:
     """Import the log of another program; columns and units that it does not name are guessed, and the guess is shown.
 
-    With an output without `.h5`, a file becomes a folder of captures with its YAML.
+    If the output does not end in `.h5`, it becomes a folder of captures, with the YAML file that describes them.
 
     Example: stagectl import DATA_EMPS.mat -o recordings/emps.h5
     """

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from stagectl.api.arguments import quantity, terminal
-from stagectl.cli.options import AxisName, Json, Socket, argument, option
+from stagectl.cli.options import FirstAxis, Json, Socket, argument, option
 from stagectl.cli.service import answered, ask_service
 from stagectl.cli.show import console, emit
 from stagectl.named_values import names_of
@@ -36,7 +36,7 @@ def scope(
     before: Annotated[str, option("--before SHARE", "Part of the capture before the trigger.")] = "20 %",
     once: Annotated[bool, option("--once", "Take one capture and exit.")] = False,
     show: Annotated[bool, option("--list", "List the channels with units and meanings.")] = False,
-    axis: AxisName = "",
+    axis: FirstAxis = "",
     socket: Socket = None,
     json: Json = None,
 ) -> None:

@@ -16,6 +16,7 @@ from stagectl.cli.options import (
     Json,
     Lines,
     NoWait,
+    OneAxis,
     Socket,
     Stages,
     TrajectoryArgument,
@@ -136,7 +137,7 @@ def stop(
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Stop under control and hold; --quick: stop by the drive's ramp and switch power off.  It needs no free service.
+    """Stop under control and hold; --quick: stop by the drive's ramp, power off.  Works even if the service hangs.
 
     Example: stagectl stop
     """
@@ -147,7 +148,7 @@ def stop(
 
 def follow(
     trajectory: TrajectoryArgument,
-    axis: AxisName = "",
+    axis: OneAxis = "",
     no_wait: NoWait = False,
     socket: Socket = None,
     json: Json = None,

@@ -11,13 +11,17 @@ from stagectl.cli.app import application
 
 HEAD = """# Commands
 
-Results are JSON with `--json FILE`, `--json -` for standard output; what is for people goes to standard error.
+This page lists all commands with their options, as `stagectl COMMAND --help` does.
+
+`--json FILE` writes the result as JSON; `--json -` writes it to standard output. Messages for people go to standard
+error.
 
 | exit code | meaning |
 |---|---|
 | 0 | done |
 | 1 | a negative result: a fault, a limit reached in motion, a check that failed, an axis that is not in position |
-| 2 | not started: wrong arguments, a file that cannot be read, a motion beyond a limit, no drive that answers |
+| 2 | not begun: wrong arguments, a file that cannot be read, a motion beyond a limit, no drive that answers |
+| 130 | stopped with Ctrl-C; 0 for `serve` and `virtual-drive`, which run until then |
 
 A command that takes longer than two seconds shows its progress and the time left. Where the end is not known, it shows
 what it is doing. After a mistake you get one sentence with the cause and what to do, never a traceback: see

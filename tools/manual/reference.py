@@ -10,31 +10,33 @@ UNITS = (
     "replace an angle. Ranges are in the unit shown. Unknown keys are errors. `stagectl config check FILE` reports all "
     "errors at once. `stagectl config schema` prints the same rules as a JSON schema for editors."
 )
+STAGE = f"""# The stage file
+
+A stage file describes one machine: mechanics, friction, drive, encoder, controller and limits. This page lists every
+entry, block by block.
+
+{UNITS}
+
+One file can hold several axes. Shared entries are at their usual places. The entries of each axis are under `axes`, by
+dotted names: see `config/xy.yaml`. Every command takes `FILE.yaml#x` as the stage file of axis x."""
+TRAJECTORY = f"""# The trajectory file
+
+A trajectory file describes one motion, or one experiment. Its entry `type` says of which kind it is; this page lists
+the entries of each type.
+
+{UNITS}"""
 
 
 def pages() -> dict[str, str]:
     """Markdown by file name."""
-    several = (
-        "One file can hold several axes. Shared entries are at their usual places. The entries of each axis are under "
-        "`axes`, by dotted names: see `config/xy.yaml`. Every command takes `FILE.yaml#x` as the stage file of axis x."
-    )
-    stage = [
-        "# The stage file",
-        "A stage file describes one machine: mechanics, friction, drive, encoder, controller and limits. This page "
-        "lists every entry, block by block.",
-        UNITS,
-        several,
-    ]
-    trajectory = [
-        "# The trajectory file",
-        "A trajectory file describes one motion, or one experiment. Its entry `type` says of which kind it is; this "
-        "page lists the entries of each type.",
-        UNITS,
-    ]
     return {
-        "reference/stage.md": "\n\n".join([*stage, *map(_section, _alike(stage_blocks()))]) + "\n",
-        "reference/trajectory.md": "\n\n".join([*trajectory, *map(_section, _alike(trajectory_blocks()))]) + "\n",
+        "reference/stage.md": _page(STAGE, stage_blocks()),
+        "reference/trajectory.md": _page(TRAJECTORY, trajectory_blocks()),
     }
+
+
+def _page(head: str, blocks: list[Block]) -> str:
+    return "\n\n".join([head, *map(_section, _alike(blocks))]) + "\n"
 
 
 def _alike(blocks: list[Block]) -> list[list[Block]]:

@@ -20,8 +20,8 @@ Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="
 def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = None) -> None:
     """Reproduce the experiments of a source paper on a virtual machine: every figure, next to the paper's numbers.
 
-    A table at the top says of each what became of it: reproduced, differs because, or not drawn because.  Takes about a
-    minute; writes FOLDER/PAPER.html and FOLDER/PAPER.json.
+    A table at the top says which figures are reproduced, which differ and why, and which are not drawn and why.
+    Takes about a minute; writes FOLDER/PAPER.html and FOLDER/PAPER.json.
 
     Example: stagectl reproduce ball-screw -o reproduced
     """
