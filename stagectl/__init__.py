@@ -20,9 +20,9 @@
     [6] realtime/axes.py                the real-time process: all axes of one bus, 2000 times a second
         realtime/axis.py                one period of one axis:
               |
-              |   realtime/setpoint_sources.py    next()    the setpoint that is due
               |   drives/canopen/drive.py  sample()  -- SYNC -->  drive      the position at t_k is latched,
               |                                      <- TPDO --              the last command begins to act
+              |   realtime/setpoint_sources.py    next()    the setpoint that is due
               |   kernels/law.py           step()    feedforward (PTC)  kernels/feedforward.py
               |                                      + feedback         kernels/feedback.py (PID), cascade.py (P-PI)
               |                                      - disturbance      kernels/observer.py

@@ -25,8 +25,8 @@ _EXAM = (
     "closure, single effect",
 )
 _MEANING = (
-    "In all comparisons less is better. Each round measures both, and gives a ratio, theirs over ours; the figure is "
-    "the median of the rounds: above 1, ours is ahead. It need not be the ratio of the two medians."
+    "In all comparisons less is better. Each round measures both and gives a ratio, theirs over ours. Above 1, ours is "
+    "ahead. The table shows the median of these ratios, which may differ from the ratio of the two medians."
 )
 Line = dict[str, Any]
 
@@ -81,8 +81,8 @@ _CAPTION = "Theirs over ours, median and quartiles of the rounds: to the right o
 
 def _circumstances(found: dict[str, Any]) -> str:
     return (
-        f"Measured {found['date']} on {found['machine']}, load {found['load']:g}.  Ours and theirs take turns, "
-        "and a busy machine disturbs both alike: compare the ratios, not the times."
+        f"Measured {found['date']} on {found['machine']}, load {found['load']:g}.  Ours and theirs take turns, so "
+        "a busy machine disturbs both: compare the ratios, not the times."
     )
 
 
@@ -184,9 +184,11 @@ def manual(found: dict[str, Any]) -> str:
     """The same as Markdown."""
     parts = [
         "# Figures against peers",
-        f"{answer(found)} {_circumstances(found)} `python tools/bench --page bench.html` measures them on your machine "
-        f"(`pip install -e '.[bench]'`, `apt install rt-tests`). {_MEANING} Versions: "
-        f"{', '.join(' '.join(one) for one in found['versions'].items())}.",
+        "How fast, small and accurate is stagectl, compared with other tools for the same task?",
+        answer(found),
+        f"{_MEANING} {_circumstances(found)} `python tools/bench --page bench.html` measures them on your machine "
+        "(`pip install -e '.[bench]'`, `apt install rt-tests`).",
+        f"Versions: {', '.join(' '.join(one) for one in found['versions'].items())}.",
     ]
     for section in _sections(found):
         parts += [f"## {section.title}", *section.words]
