@@ -4,9 +4,9 @@
 
     probe --> accept --> identify --> tune --> compensate --> close --> compare
                             |           |                       |
-                            +-----------+--- STAGE.yaml --------+     each earlier one stands in STAGE.versions/
+                            +-----------+--- STAGE.yaml --------+     STAGE.versions/ keeps each earlier one
 
-Each step is another function of this package, with its page; what is done stands in ``STAGE.commission.json``.
+Each step is another function of this package, with its page; ``STAGE.commission.json`` lists what is done.
 """
 
 from __future__ import annotations

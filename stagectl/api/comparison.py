@@ -103,13 +103,13 @@ def compare(
     progress: ProgressOption = False,
     say: Say | None = None,
 ) -> LayerComparison:
-    """Run a motion with different layers, interleaved, and say which of them help.
+    """Run a motion with different layers, interleaved, and report which of them help.
 
     A variant is ``"off"`` (feedback alone) or layers joined by +: ``"ptc+friction"``, also with ``observer`` and
-    ``ilc``.  In the place of ``friction`` stands a compensator of the stage file by its name, such as ``"ptc+table"``:
-    ``model``, ``table``, ``gms``, ``rheology`` or a form of zero-crossing.  The first variant is what the others are
-    compared with.  What ilc needs is learned first, in `trials`, unless `learned` names files that hold it.  Recordings
-    go to `folder`, else into ``recordings/``; `seed` is of the order.
+    ``ilc``.  Instead of ``friction``, name a compensator of the stage file, such as ``"ptc+table"``: ``model``,
+    ``table``, ``gms``, ``rheology`` or a form of zero-crossing.  The other variants are compared with the first one.
+    ``ilc`` is the learned current; it is learned first, in `trials`, unless `learned` names files that contain it.
+    Recordings go to `folder`; default: into ``recordings/``.  `seed` is the seed of the order.
 
     Raises TrialError where the variants are wrong or a run is stopped, ArgumentError for a plant next to a drive.
     """

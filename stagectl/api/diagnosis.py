@@ -43,7 +43,7 @@ DiagnosisFigure = Literal["shares", "coordinates", "spans", "run"]
 
 
 class GapLocation(NamedTuple):
-    """Where the gap is: in the loop, over the motion, and in time."""
+    """Where the gap is: in the loop (`blocks`), over the motion (`coordinates`), and in time (`spans`)."""
 
     blocks: dict[str, float | None]  # share of controller, drive, mechanics and sensor; None: not judged
     coordinates: tuple[Coordinate, ...]  # what it follows: speed, position, ...
@@ -97,7 +97,7 @@ class GapDiagnosis(ReportedResult):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be known about the logs, and what they cannot tell."""
+        """Remarks on the logs, and what they cannot show."""
         return (*self.diagnosis.doubts, *self.diagnosis.notes, *self.diagnosis.cannot_tell)
 
     def to_json(self) -> dict[str, Any]:
@@ -189,10 +189,10 @@ def diagnose(
 ) -> GapDiagnosis:
     """Say where the gap between model and machine lies, which effect causes it, and how far it shrinks.
 
-    `session` is a folder of recordings or captures, or one or several logs.  `stage` is the model where the logs carry
-    none; without a stage file, `model` is the block ``stage`` of a ``nominal.yaml``: kind, force_constant, inertia, ...
-    (SI), or a MuJoCo model: ``FILE.xml``, ``FILE.xml#JOINT``.  `columns` names the columns of single logs, see
-    `load_log`.  `exclude` names effects that must not be candidates; `full` takes a larger null ensemble; without
+    `session` is a folder of recordings or captures, or one or several logs.  `stage` is the model, if the logs contain
+    none.  Instead of a stage file, `model` takes the block ``stage`` of a ``nominal.yaml``: kind, force_constant,
+    inertia, ... (SI), or a MuJoCo model: ``FILE.xml``, ``FILE.xml#JOINT``.  `columns` names the columns of single logs,
+    see `load_log`.  `exclude` names effects that must not be candidates; `full` takes a larger null ensemble; without
     `advice` no next experiment is sought.  `doubtful` diagnoses logs that fit the model only in another unit or with
     the other sign.
 

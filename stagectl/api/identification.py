@@ -164,11 +164,11 @@ def identify(
     """Find the parameters of an axis from runs, logs, files or folders of captures.
 
     `current` names the column that is the motor's current, `columns` the columns of logs, see `load_log`.  `doubtful`
-    goes on where a capture's units or current look wrong.  `options` are the method's own: ``delay`` (s, or text with
-    a unit), ``gravity``, ``directions``, ``form``, ``seed``.  Of the friction that is found, `changes` get the
+    continues even if a capture's units or current look wrong.  `options` are the method's own: ``delay`` (s, or text
+    with a unit), ``gravity``, ``directions``, ``form``, ``seed``.  Of the friction that is found, `changes` get the
     `compensation` that acts and the `compensators` next to it: ``table``, ``gms``, ``rheology``.
 
-    Raises IdentificationError where the data do not tell the parameters, RecordingError where they cannot be read.
+    Raises IdentificationError if the data do not determine the parameters, RecordingError where they cannot be read.
     """
     methods.chosen(method)
     designed = as_stage(stage, judged=False)  # a log was recorded by whatever loop

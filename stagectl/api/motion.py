@@ -36,7 +36,7 @@ def simulate(
 ) -> MotionRecord:
     """Run the law on the stage's model, compiled, faster than real time; nothing is written.
 
-    `plant` is the machine where it is not as the model says, `seed` that of its noise.  `without` switches off layers
+    `plant` is a machine that differs from the model; `seed` is the seed of its noise.  `without` switches off layers
     (``"ptc"``, ``"friction"`` or its compensator by name, ``"effects"``, ``"observer"``) and effects of the model
     (``"cogging"``).  `learned` is a file that ``stagectl learn`` wrote.  `friction(velocity, position, dt)` returns a
     force (N m | N, positive against positive velocity) that replaces the plant's friction; the run is then interpreted,
@@ -80,11 +80,11 @@ def run(
     progress: ProgressOption = False,
     say: Say | None = None,
 ) -> MotionRecord:
-    """Run a trajectory on the drive that the stage names, and record it; without a `recording` into ``recordings/``.
+    """Run a trajectory on the drive that the stage names, and record it; default: into ``recordings/``.
 
-    On the embedded bus a virtual drive is started where none answers.  `twin` runs the model next to the axis, and
-    `twin_record` is where it writes its minutes.  A drive that is in Fault stays there unless `reset_fault`.
-    `say` takes each message as it comes; the result's `notes` hold all.
+    If no drive answers on the embedded bus, a virtual one is started.  `twin` runs the model next to the axis;
+    `twin_record` is the file of its minute-by-minute record.  A drive that is in Fault stays there unless
+    `reset_fault`. `say` is called with each message; the result's `notes` contain all of them.
 
     Raises DriveError where the drive cannot be reached or enabled, StageError where the motion is beyond a limit.
     """

@@ -34,8 +34,8 @@ class MotionRecord(PrintedResult):
     """Rows of a motion, simulated, run or logged: ``record["error"]`` is a column (n,) in SI and axis units.
 
     Axis units are rad and N m on a rotary axis, m and N on a linear one; `units` names the unit of each column.
-    `summary` is what the run achieved, as ``--json`` writes it; empty for a log that holds too little.  `notes` is what
-    was said while it ran.
+    `summary` is what the run achieved, as ``--json`` writes it; empty for a log that holds too little.  `notes` are the
+    messages of the run.
     """
 
     made_by: ClassVar[str] = "simulate, run or load_log"
@@ -171,8 +171,8 @@ def load_log(
 ) -> MotionRecord | RecordFolder:
     """A recording (``.h5``), a log (a text table, ``.mat``), or all records of a folder.
 
-    `columns` says which column is which where names do not: ``{"time": "t", "position": "qm:mm"}``.  `stage` is the
-    machine of the log, for its scales.
+    `columns` gives the meaning of columns whose names do not show it: ``{"time": "t", "position": "qm:mm"}``.  `stage`
+    is the machine of the log, for its scales.
 
     Raises RecordingError with file, row and reason.
     """
@@ -212,7 +212,7 @@ def named_columns(columns: Mapping[str, str] | str | None) -> Mapping[str, str] 
 
 
 def record_of(recording: Recording) -> MotionRecord:
-    """A recording with what it achieved, where its columns tell."""
+    """A recording with what it achieved, if its columns show that."""
     whole = set(rollout.COLUMNS) <= set(recording.samples.dtype.names or ())
     known = whole and {"steady", "duration", "nm"} <= set(recording.meta)
     if not known:

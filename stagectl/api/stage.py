@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 class DesignedStage(PrintedResult):
     """A machine, its model and its controller.
 
-    `setup` is what the rest of the package takes; `changes` is what an `apply` has changed, compared with the file.
+    `setup` is the input of the package's other functions; `changes` lists how the stage differs from its file.
     """
 
     made_by: ClassVar[str] = "load_stage"
@@ -205,7 +205,7 @@ StageLike = DesignedStage | PathLike
 def load_stage(path: PathLike, *, judged: bool = True) -> DesignedStage:
     """Read a stage file, or one axis of it (``xy.yaml#x``), and design its controller.
 
-    With ``judged=False`` also a stage whose loop must not run, as `tune` may find gains for it.
+    With ``judged=False`` a stage whose loop must not run is loaded, too: `tune` may find gains for it.
 
     Raises ConfigError with every error of the file, DesignError where the phase margin is too small.
     """

@@ -125,8 +125,8 @@ def load_trajectory(
     """A trajectory or experiment from a YAML file, or from samples ``(time, position)``.
 
     Samples are in s and in m of travel (rad on a rotary axis without a lead), both (n,), at rest at both ends; a
-    quintic spline goes through them.  With a `stage` the trajectory is checked at once, its limits among it, else where
-    it is used.
+    quintic spline goes through them.  With a `stage` the trajectory is checked at once, also against the limits;
+    otherwise when it is used.
 
     Raises ConfigError or TrajectoryError with the place and the reason, LimitError for a motion beyond the limits of
     the stage, ArgumentError for arrays that do not fit.

@@ -121,10 +121,10 @@ def tune(
 ) -> TunedGains:
     """Design the feedback from the stage's model, with its period and all its delays.
 
-    `bandwidth` is in Hz, without one the fastest design that keeps the margins is found.  `margin` is the least phase
-    margin in rad, else that of the stage file; `peak` the largest peak of the sensitivity, 2 without a bandwidth.  All
-    three may be text with a unit: ``"30 deg"``.  `own_ratios` keeps the ratios of the stage's own cascade.  `at_rest`:
-    only designs with which the axis comes to rest where the model's friction holds it.
+    `bandwidth` is in Hz; default: the highest that keeps the margins.  `margin` is the least phase margin in rad;
+    default: that of the stage file.  `peak` is the largest peak of the sensitivity; default: 2, if no bandwidth is
+    given. All three may be text with a unit: ``"30 deg"``.  `own_ratios` keeps the ratios of the stage's own cascade.
+    `at_rest`: only designs with which the axis comes to rest where the model's friction holds it.
 
     Raises ArgumentError for a value out of range, TuningError where no design keeps the margins.
     """
