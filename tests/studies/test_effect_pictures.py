@@ -83,4 +83,9 @@ def test_a_picture_on_both_grounds(ball_screw: Setup, tmp_path: Path) -> None:
         "with it, backward",
     ]
     plt.close(figure)
+    figure = pictures.picture(ball_screw, SCENES["current_offset"], both, pictures.DARK)
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    assert {text.get_color() for text in legend.get_texts()} == {pictures.DARK.ink}
+    plt.close(figure)
     assert not plt.get_fignums()

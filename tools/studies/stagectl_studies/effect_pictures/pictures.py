@@ -107,7 +107,7 @@ def picture(setup: Setup, scene: Scene, both: tuple[Residual, Residual], theme: 
 
 
 def _style(theme: Theme) -> dict[Any, Any]:
-    names = ("axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color", "text.color")
+    names = ("axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color", "text.color", "legend.labelcolor")
     return {**dict.fromkeys(names, theme.ink), "grid.color": theme.grid}
 
 
