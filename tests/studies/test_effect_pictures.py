@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
+from matplotlib.colors import same_color
 from stagectl_studies.effect_pictures import pictures
 from stagectl_studies.effect_pictures.measured_effect import motion_named, residuals
 from stagectl_studies.effect_pictures.scenes import scenes
@@ -86,6 +87,6 @@ def test_a_picture_on_both_grounds(ball_screw: Setup, tmp_path: Path) -> None:
     figure = pictures.picture(ball_screw, SCENES["current_offset"], both, pictures.DARK)
     legend = figure.axes[0].get_legend()
     assert legend is not None
-    assert {text.get_color() for text in legend.get_texts()} == {pictures.DARK.ink}
+    assert all(same_color(text.get_color(), pictures.DARK.ink) for text in legend.get_texts())
     plt.close(figure)
     assert not plt.get_fignums()
