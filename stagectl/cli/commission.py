@@ -26,8 +26,8 @@ def commission(
 ) -> None:
     """Commission an axis: probe, accept, identify, tune, compensate, close the gap, compare.
 
-    Each step asks before it moves, and shows its page. The stage file changes with it: `gap close --back` goes back.
-    STAGE.commission.json lists what is done; type the same command again to continue.
+    Each step asks before it moves, and shows its page. It also changes the stage file: `gap close --back` undoes the
+    last change. STAGE.commission.json lists what is done; type the same command again to continue.
 
     Example: stagectl commission my-stage.yaml --yes --person "A. Turing" --machine-of-the-day 7
     """

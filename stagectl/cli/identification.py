@@ -59,7 +59,7 @@ def identify(
     current: Current = None,
     columns: Columns = None,
     delay: Annotated[str | None, option("--delay TIME", "A known delay, such as 0.2ms.")] = None,
-    gravity: Annotated[bool, option("--gravity", "The axis turns in gravity: sine and cosine of its angle.")] = False,
+    gravity: Annotated[bool, option("--gravity", "Also fit gravity: sine and cosine of the angle.")] = False,
     directions: Annotated[bool, option("--directions", "Fit the friction of each direction separately.")] = False,
     form: Annotated[str | None, option("--form", "With zero-crossing: the form of the curve to fit.")] = None,
     seed: Annotated[int | None, option("--seed", "Seed of a method that searches at random.")] = None,

@@ -76,4 +76,4 @@ def _names(parameter: Any) -> str:
 
 
 def _cell(parameter: Any) -> str:
-    return str(parameter.help).replace("|", "\\|").replace("\n", " ")
+    return str(parameter.help).replace("|", "\\|").replace("\n\n", "<br>").replace("\n", " ")
