@@ -88,6 +88,7 @@ def test_a_short_simulation_needs_no_compiler_and_gives_the_same_bits(tmp_path: 
     modules, result, rows = _simulated(tmp_path, "short")
     needed = {"h5py", "numpy", "scipy", "typer", "yaml"}
     assert needed <= _heavy(modules) <= needed | {"pydantic", "canopen"}  # typer's own; what `Motion` is declared with
+    assert not {"scipy.linalg", "scipy.optimize", "scipy.stats"} & modules  # a third of the start of each program
     (tmp_path / "sitecustomize.py").write_text(LONG, encoding="utf-8")
     path = os.pathsep.join([str(tmp_path), str(ROOT)])
     compiled, *others = _simulated(tmp_path, "compiled", PYTHONPATH=path)
