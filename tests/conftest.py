@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import signal
 import subprocess
@@ -60,6 +61,15 @@ LONGEST = (
     "tests/gap/test_examples.py",
     "tests/cli/test_records.py",
 )
+
+
+gc.disable()  # until all is collected
+
+
+def pytest_collection_finish() -> None:
+    """What has been imported and collected stays: it is not searched for garbage again and again."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

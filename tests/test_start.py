@@ -80,6 +80,12 @@ def _simulated(folder: Path, name: str, **environment: str) -> tuple[set[str], A
         return modules, {**result, "recording": ""}, file["samples"][()].tobytes()
 
 
+def test_a_check_of_stage_files_needs_no_compiler() -> None:
+    code, modules = _loaded("config", "check", CONFIG / "ball-screw.yaml")
+    assert code == 0
+    assert not {"numba", "scipy.linalg"} & modules
+
+
 LONG = "import stagectl.cli.motion as m; m._UNLOADED = m._UNCOMPILED = 0"
 
 
