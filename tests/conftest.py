@@ -50,6 +50,10 @@ LONGEST = (
     "tests/gap/inference/test_unstructured_residual.py",
     "tests/studies/test_baselines.py",
     "tests/gap/test_diagnose.py",
+    "tests/gap/inference/test_constant_force.py",
+    "tests/gap/test_measured_records.py",
+    "tests/api/test_commission.py",
+    "tests/gap/test_closing.py",
     "tests/service/test_service.py",
     "tests/service/test_shutdown_signals.py",
     "tests/studies/test_reproduction.py",
@@ -59,7 +63,8 @@ LONGEST = (
     "tests/test_readme.py",
     "tests/test_manual.py",
     "tests/gap/test_examples.py",
-    "tests/cli/test_records.py",
+    "tests/interchange/test_fmu.py",
+    "tests/kernels/test_bits.py",
 )
 
 
