@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,23 +24,17 @@ ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "config" / "ball-screw.yaml"
 
 
-class Said(NamedTuple):
-    stdout: str
-    stderr: str
-
-
-Verb = Callable[..., Said]
+Verb = Callable[..., SimpleNamespace]
 
 
 @pytest.fixture
 def stagectl(command: Command) -> Verb:
     """``stagectl("export", path, expect=2)``: what it says, where it ends with the exit code `expect`."""
 
-    def run(*arguments: object, expect: int = 0) -> Said:
-        code, *said = command(*arguments)
-        assert code == expect, said
-        assert "Traceback" not in said[1]
-        return Said(*said)
+    def run(*arguments: object, expect: int = 0) -> SimpleNamespace:
+        code, out, err = command(*arguments)
+        assert (code, "Traceback" in err) == (expect, False), err
+        return SimpleNamespace(stdout=out, stderr=err)
 
     return run
 
