@@ -90,7 +90,7 @@ LONG = "import stagectl.cli.motion as m; m._UNLOADED = m._UNCOMPILED = 0"
 
 
 def test_a_short_simulation_needs_no_compiler_and_gives_the_same_bits(tmp_path: Path) -> None:
-    """Interpreted at first, compiled, and interpreted as in the real-time process."""
+    """Interpreted at first, and compiled; in the real-time process: `kernels/test_bits.py`."""
     modules, result, rows = _simulated(tmp_path, "short")
     needed = {"h5py", "numpy", "scipy", "typer", "yaml"}
     assert needed <= _heavy(modules) <= needed | {"pydantic", "canopen"}  # typer's own; what `Motion` is declared with
@@ -100,7 +100,6 @@ def test_a_short_simulation_needs_no_compiler_and_gives_the_same_bits(tmp_path: 
     compiled, *others = _simulated(tmp_path, "compiled", PYTHONPATH=path)
     assert "numba" in compiled
     assert others == [result, rows]
-    assert list(_simulated(tmp_path, "interpreted", STAGECTL_KERNELS="interpreted")[1:]) == [result, rows]
 
 
 @pytest.mark.parametrize("module", VERBS)
