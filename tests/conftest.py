@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import signal
 import subprocess
@@ -10,6 +11,10 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+# Before numpy is loaded, and for each program that a test starts: workers share the cores, and threads of the algebra
+# would only wait for each other there.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
@@ -45,6 +50,10 @@ LONGEST = (
     "tests/gap/inference/test_unstructured_residual.py",
     "tests/studies/test_baselines.py",
     "tests/gap/test_diagnose.py",
+    "tests/gap/inference/test_constant_force.py",
+    "tests/gap/test_measured_records.py",
+    "tests/api/test_commission.py",
+    "tests/gap/test_closing.py",
     "tests/service/test_service.py",
     "tests/service/test_shutdown_signals.py",
     "tests/studies/test_reproduction.py",
@@ -54,8 +63,18 @@ LONGEST = (
     "tests/test_readme.py",
     "tests/test_manual.py",
     "tests/gap/test_examples.py",
-    "tests/cli/test_records.py",
+    "tests/interchange/test_fmu.py",
+    "tests/kernels/test_bits.py",
 )
+
+
+gc.disable()  # until all is collected
+
+
+def pytest_collection_finish() -> None:
+    """What has been imported and collected stays: it is not searched for garbage again and again."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from PIL import Image, ImageSequence
 
-from stagectl.cli.app import application
 from tests.conftest import ROOT
 from tests.printed import tool
 
@@ -42,13 +41,6 @@ def test_the_demo_moves_the_stage_and_writes_its_page(tmp_path: Path) -> None:
     assert "data:image/png;base64," in page
     assert not re.search(r"(src|href)=\"(?!data:)", page)  # self-contained
     assert len(list((tmp_path / "demo").glob("*.h5"))) == 6
-
-
-@pytest.mark.parametrize("verb", [*(command.name for command in application().registered_commands), "config check"])
-def test_every_verb_has_help(verb: str) -> None:
-    done = stagectl([*verb.split(), "--help"], ROOT)
-    assert done.returncode == 0
-    assert "Usage:" in done.stdout
 
 
 def test_the_picture_of_the_live_page_moves_at_the_speed_of_the_axis(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import stagectl as sc
 from stagectl.kernels import law
 from stagectl.recording.constants import BLOCK
 from stagectl.recording.hdf5 import RecordingError, open_recording, repair
@@ -83,7 +84,7 @@ def test_a_biased_axis_runs_as_it_simulates(tmp_path: Path) -> None:
     done = stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
     assert done.returncode == 0, done.stderr
     assert "a [/b] stage" in done.stderr
-    assert stagectl("simulate", stage, move, "-o", tmp_path / "s.h5").returncode == 0
+    sc.simulate(stage, move).save(tmp_path / "s.h5")
     ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
     assert np.array_equal(ran["measured"], simulated["measured"])
 
@@ -102,7 +103,7 @@ def test_an_experiment_in_a_cascade_runs_as_it_simulates(tmp_path: Path) -> None
         move.write_text(f"type: {name}\n{text}\n")
         done = stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / f"{name}-r.h5")
         assert done.returncode == 0, done.stderr
-        assert stagectl("simulate", stage, move, "-o", tmp_path / f"{name}-s.h5").returncode == 0
+        sc.simulate(stage, move).save(tmp_path / f"{name}-s.h5")
         ran, simulated = (open_recording(tmp_path / f"{name}-{kind}.h5") for kind in "rs")
         for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
             assert np.array_equal(ran.samples[column], simulated.samples[column]), column
@@ -124,7 +125,7 @@ def test_no_delay_can_be_simulated_but_not_run(tmp_path: Path) -> None:
 
 
 def test_replay_notices_a_changed_position_and_a_changed_law(tmp_path: Path) -> None:
-    stagectl("simulate", STAGE, CONFIG / "trajectories" / "sine-2um.yaml", "-o", tmp_path / "s.h5", check=True)
+    sc.simulate(STAGE, CONFIG / "trajectories" / "sine-2um.yaml").save(tmp_path / "s.h5")
     recording = open_recording(tmp_path / "s.h5")
     assert replay(recording)["identical"]
     recording.samples["measured"][1000] += 6e-6
@@ -295,7 +296,7 @@ def test_noise_is_the_same_noise(tmp_path: Path) -> None:
     noisy = "simulation:\n  current_noise: 45 mA\n  encoder_noise: 20 nm"
     stage.write_text(movable(STAGE.read_text()).replace("simulation:", noisy))
     move.write_text("{type: sine, amplitude: 1 mm, frequency: 3.2 Hz, periods: 1}")
-    assert stagectl("simulate", stage, move, "-o", tmp_path / "s.h5").returncode == 0
+    sc.simulate(stage, move).save(tmp_path / "s.h5")
     assert stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5").returncode == 0
     ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
     assert np.array_equal(ran["measured"], simulated["measured"])
@@ -324,7 +325,7 @@ def test_a_model_with_effects_runs_as_it_simulates_and_from_where_the_axis_stand
     away.write_text(
         "{type: s_curve, distance: 2.3 mm, velocity: 20 mm/s, acceleration: 0.5 m/s^2, jerk: 20 m/s^3, one_way: true}"
     )
-    assert stagectl("simulate", stage, SINE, "-o", tmp_path / "s.h5").returncode == 0
+    sc.simulate(stage, SINE).save(tmp_path / "s.h5")
     with drive(stage, tmp_path / "bus"):
         for motion, name in ((SINE, "first"), (away, "away"), (SINE, "second")):
             done = stagectl("run", stage, motion, "--channel", tmp_path / "bus", "-o", tmp_path / f"{name}.h5")

@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 from tests.service.serving import Served, lasting
 from tests.test_run import SINE, drive, rows
 
-MOMENTS = int(os.environ.get("STAGECTL_SECOND_MASTERS", "5"))  # 50 in a nightly run
+MOMENTS = int(os.environ.get("STAGECTL_SECOND_MASTERS", "2"))  # a run and a service; 50 in a nightly run
 _ROOM = 30  # s of motion for each of them: the machine is shared
 
 

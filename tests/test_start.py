@@ -80,20 +80,26 @@ def _simulated(folder: Path, name: str, **environment: str) -> tuple[set[str], A
         return modules, {**result, "recording": ""}, file["samples"][()].tobytes()
 
 
+def test_a_check_of_stage_files_needs_no_compiler() -> None:
+    code, modules = _loaded("config", "check", CONFIG / "ball-screw.yaml")
+    assert code == 0
+    assert not {"numba", "scipy.linalg"} & modules
+
+
 LONG = "import stagectl.cli.motion as m; m._UNLOADED = m._UNCOMPILED = 0"
 
 
 def test_a_short_simulation_needs_no_compiler_and_gives_the_same_bits(tmp_path: Path) -> None:
-    """Interpreted at first, compiled, and interpreted as in the real-time process."""
+    """Interpreted at first, and compiled; in the real-time process: `kernels/test_bits.py`."""
     modules, result, rows = _simulated(tmp_path, "short")
     needed = {"h5py", "numpy", "scipy", "typer", "yaml"}
     assert needed <= _heavy(modules) <= needed | {"pydantic", "canopen"}  # typer's own; what `Motion` is declared with
+    assert not {"scipy.linalg", "scipy.optimize", "scipy.stats"} & modules  # a third of the start of each program
     (tmp_path / "sitecustomize.py").write_text(LONG, encoding="utf-8")
     path = os.pathsep.join([str(tmp_path), str(ROOT)])
     compiled, *others = _simulated(tmp_path, "compiled", PYTHONPATH=path)
     assert "numba" in compiled
     assert others == [result, rows]
-    assert list(_simulated(tmp_path, "interpreted", STAGECTL_KERNELS="interpreted")[1:]) == [result, rows]
 
 
 @pytest.mark.parametrize("module", VERBS)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from stagectl.cli.options import Json, argument
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, without_compiler
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
@@ -25,6 +25,7 @@ def check(files: Annotated[list[Path], argument("FILE...", "Stage and trajectory
 
     Example: stagectl config check config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
     """
+    without_compiler()
     results = [{"file": str(path), **_check(path)} for path in files]
     emit({"files": results}, json)
     raise typer.Exit(max(result["code"] for result in results))

@@ -18,6 +18,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.units import StageError
 from stagectl.workflows import loop_trial, stage_versions
+from stagectl.workflows.acceptance import protocol
 from stagectl.workflows.machine_of_the_day import MOST_EFFECTS, drawn
 from stagectl.workflows.trials import TrialError
 from tests.conftest import CONFIG, movable
@@ -36,6 +37,8 @@ def stage(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A few motions, and one round of closing the gap: `test_gap_closing` goes through several."""
+    monkeypatch.setattr(steps, "ROUNDS", 1)
     shorten(monkeypatch, "sine-slow", "sine-medium", "stairs", "check-sine-slow", "check-stairs")
 
 
@@ -89,7 +92,11 @@ def test_a_machine_nobody_knows_is_commissioned_resumed_and_taken_back(stage: Pa
         stage_versions.back(stage)
 
 
-def test_a_virtual_drive_is_probed_and_accepted_first(stage: Path, tmp_path: Path) -> None:
+def test_a_virtual_drive_is_probed_and_accepted_first(
+    stage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the first three steps of the acceptance: `test_acceptance` takes all eight."""
+    monkeypatch.setattr(protocol, "STEPS", protocol.STEPS[:3])
     asked: list[str] = []
 
     def may(name: str) -> bool:

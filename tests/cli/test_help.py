@@ -39,12 +39,10 @@ VERBS = dict(verbs())
 
 
 @pytest.mark.parametrize("name", VERBS)
-def test_help_has_an_example_of_this_verb(name: str) -> None:
+def test_this_verb_has_help_with_an_example_and_results_for_machines(name: str, command: Command) -> None:
+    code, out, _ = command(*name.split(), "--help")
+    assert code == 0 and "Usage:" in out
     assert f"stagectl {name}" in (VERBS[name].help or "").partition("Example:")[2]
-
-
-@pytest.mark.parametrize("name", VERBS)
-def test_results_for_machines(name: str) -> None:
     assert any("--json" in param.opts for param in VERBS[name].params)
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,18 +17,26 @@ from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError, open_recording, save
 from stagectl.report.constants import ALL_ROWS
 from stagectl.report.run import thinned
+from tests.conftest import Command
 from tests.problems import refused
 
 ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "config" / "ball-screw.yaml"
 
 
-def stagectl(*arguments: object, expect: int = 0) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "stagectl", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == expect, done.stderr
-    assert "Traceback" not in done.stderr
-    return done
+Verb = Callable[..., SimpleNamespace]
+
+
+@pytest.fixture
+def stagectl(command: Command) -> Verb:
+    """``stagectl("export", path, expect=2)``: what it says, where it ends with the exit code `expect`."""
+
+    def run(*arguments: object, expect: int = 0) -> SimpleNamespace:
+        code, out, err = command(*arguments)
+        assert (code, "Traceback" in err) == (expect, False), err
+        return SimpleNamespace(stdout=out, stderr=err)
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -36,17 +44,16 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("records")
     trajectory = folder / "wave.yaml"
     trajectory.write_text("type: multisine\namplitude: 20 mm\nlow: 0.2 Hz\nhigh: 2 Hz\nbase: 8 s\nperiods: 1\n")
-    stagectl("simulate", STAGE, trajectory, "-o", folder / "wave.h5")
-    return folder / "wave.h5"
+    return sc.simulate(STAGE, trajectory).save(folder / "wave.h5")
 
 
-def test_export_writes_beside_the_recording(recording: Path) -> None:
+def test_export_writes_beside_the_recording(stagectl: Verb, recording: Path) -> None:
     for to in ("csv", "parquet", "mat"):
         assert f"wrote {recording.with_suffix(f'.{to}')}" in stagectl("export", recording, "--to", to).stderr
         assert recording.with_suffix(f".{to}").stat().st_size > 1000
 
 
-def test_the_page_of_a_run(recording: Path, tmp_path: Path) -> None:
+def test_the_page_of_a_run(stagectl: Verb, recording: Path, tmp_path: Path) -> None:
     """The answer in words, the figures, and all that it takes to do it again: command, versions, configuration."""
     answer = json.loads(stagectl("report", recording, "-o", tmp_path / "page.html", "--json", "-").stdout)
     page = (tmp_path / "page.html").read_text().replace("\u00a0", " ")
@@ -64,7 +71,7 @@ def test_no_peak_of_a_curve_is_lost() -> None:
     assert len(time) == len(numbers) <= ALL_ROWS and numbers.max() == 3.0 and numbers.min() == -2.0
 
 
-def test_two_recordings_go_into_one_folder_and_come_back(recording: Path, tmp_path: Path) -> None:
+def test_two_recordings_go_into_one_folder_and_come_back(stagectl: Verb, recording: Path, tmp_path: Path) -> None:
     stagectl("export", recording, recording, "--to", "folder", "-o", tmp_path / "out")
     entries = yaml.safe_load((tmp_path / "out" / "captures.yaml").read_text())["captures"]
     assert [entry["repeat"] for entry in entries] == [1, 2]
@@ -76,14 +83,14 @@ def test_two_recordings_go_into_one_folder_and_come_back(recording: Path, tmp_pa
         np.testing.assert_array_equal(back.column("measured"), open_recording(recording).column("measured"))
 
 
-def test_replay_is_exact_and_refuses_an_import(recording: Path, tmp_path: Path) -> None:
+def test_replay_is_exact_and_refuses_an_import(stagectl: Verb, recording: Path, tmp_path: Path) -> None:
     assert json.loads(stagectl("replay", recording, "--json", "-").stdout)["identical"] is True
     stagectl("export", recording, "--to", "csv", "-o", tmp_path / "a.csv")
     stagectl("import", tmp_path / "a.csv", "-o", tmp_path / "a.h5")
     assert "it holds no law to replay" in stagectl("replay", tmp_path / "a.h5", expect=2).stderr
 
 
-def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: Path) -> None:
+def test_identify_finds_the_model_that_was_simulated(stagectl: Verb, recording: Path, tmp_path: Path) -> None:
     """The ball screw's own figures; presliding, which the equation does not know, costs some per cent."""
     page = tmp_path / "page.html"
     arguments = ("--json", tmp_path / "found.json", "--report", page)
@@ -116,7 +123,7 @@ def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: 
         (("export", "none.h5", "--to", "xls"), "xls"),
     ],
 )
-def test_mistakes_end_in_words(arguments: tuple[object, ...], words: str) -> None:
+def test_mistakes_end_in_words(stagectl: Verb, arguments: tuple[object, ...], words: str) -> None:
     assert words in stagectl(*arguments, expect=2).stderr
 
 
@@ -132,7 +139,7 @@ def test_mistakes_end_in_words(arguments: tuple[object, ...], words: str) -> Non
     ],
 )
 def test_a_recording_without_rows_is_said_to_hold_none(
-    recording: Path, tmp_path: Path, words: tuple[object, ...]
+    stagectl: Verb, recording: Path, tmp_path: Path, words: tuple[object, ...]
 ) -> None:
     """As a disk leaves it that is full from the first row on."""
     whole, path = open_recording(recording), tmp_path / "none.h5"

@@ -47,7 +47,7 @@ def test_one_hidden_effect(tmp_path: Path) -> None:
     _check_predictions(session, done, tmp_path / "predictions")
 
 
-@pytest.mark.parametrize("effect", ["viscous_asymmetry", "current_gain", "cogging"])
+@pytest.mark.parametrize("effect", ["current_gain", "cogging"])
 def test_a_small_effect_that_is_all_of_the_gap_is_named_and_no_unknown(tmp_path: Path, effect: str) -> None:
     """At half its size, where a machine with larger gaps has it as a trace."""
     session, _ = _trial(tmp_path, 7001, "single", effects=(effect,), scale=0.5)

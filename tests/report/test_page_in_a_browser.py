@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import stagectl as sc
 from stagectl.report.page import Page, Picture, Section, Table, write
 from stagectl.report.panels import Frame, Line, picture
 from stagectl.web import assets
@@ -138,10 +137,7 @@ def test_a_print_holds_the_pictures(explored: Any) -> None:
 def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if assets.available() is None:
         pytest.skip("uPlot is not installed")
-    path = tmp_path_factory.mktemp("tune") / "tune.html"
-    words = ["-m", "stagectl", "tune", str(CONFIG / "ball-screw.yaml"), "--report", str(path)]
-    subprocess.run([sys.executable, *words], check=True, capture_output=True)
-    return path
+    return sc.tune(CONFIG / "ball-screw.yaml").save(tmp_path_factory.mktemp("tune") / "tune.html")
 
 
 @pytest.mark.parametrize("width", [1280, 390])

@@ -71,10 +71,12 @@ def begun(folder: Path, moment: str) -> Iterator[tuple[Served, subprocess.Popen[
             process.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize(("moment", "number"), [*zip(MOMENTS, (signal.SIGINT, signal.SIGTERM) * 2, strict=True)])
 def test_a_signal_that_comes_early(tmp_path: Path, moment: str, number: int) -> None:
-    """It has no drive on its bus: it starts one, which has to leave with it."""
+    """It has no drive on its bus: it starts one, which has to leave with it.
+
+    The signals are held back and let through as one: each moment sees one of them, and each of them two moments.
+    """
     with begun(tmp_path, moment) as (machine, process):
         process.send_signal(number)
         assert process.wait(PATIENCE) == 0, machine.log

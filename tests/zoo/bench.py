@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import re
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FrameType
 from typing import NamedTuple
+from unittest import mock
 
+from stagectl.cli import main
 from tests.conftest import ROOT
 from tests.zoo.diary import Diary
 from tests.zoo.stage import MOTION, NODE, Files, write
@@ -54,9 +59,13 @@ def _start(name: str, bus: Path, diary: Path, node: int, *more: str) -> subproce
 
 
 def run_command(files: Files) -> list[str]:
-    """What starts `run`."""
+    """What starts `run` as a process."""
+    return [sys.executable, "-m", "stagectl", *_words(files)]
+
+
+def _words(files: Files) -> list[str]:
     words = ["run", str(files.stage), str(files.motion), "--channel", str(files.bus)]
-    return [sys.executable, "-m", "stagectl", *words, "-o", str(files.stage.with_name("run.h5"))]
+    return [*words, "-o", str(files.stage.with_name("run.h5"))]
 
 
 class Result(NamedTuple):
@@ -76,19 +85,49 @@ def run(folder: Path, row: Row, *more: str) -> Result:
     """`stagectl run` against the row's drive."""
     files = prepared(folder, row)
     with drive(row.variant, files, *more) as diary:
-        code, words = _ended(run_command(files))
+        code, words = _ended(_words(files))
         settle(diary)
     if code == 1 and "stopped after" not in words:
         code = 0  # late cycles of a busy computer keep an axis from settling in time; the motion was made all the same
     return Result(outcome(code, diary), words, diary)
 
 
-def _ended(command: list[str]) -> tuple[int, str]:
+class HangsError(BaseException):
+    """It takes longer than anybody would wait."""
+
+
+def _ended(words: list[str]) -> tuple[int, str]:
+    """Exit code and words of a command of ours, in this process: a new one would only import everything again."""
+    said = io.StringIO()
+    with (
+        mock.patch.object(sys, "argv", ["stagectl", *words]),
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+        _within(PATIENCE),
+    ):
+        try:
+            main()
+        except SystemExit as ended:
+            return int(ended.code or 0), said.getvalue()
+        except HangsError:
+            return -1, f"hangs: {said.getvalue()!r}"
+    raise AssertionError("it ends without an exit code")
+
+
+@contextlib.contextmanager
+def _within(seconds: float) -> Iterator[None]:
+    """A HangsError after so long."""
+
+    def late(number: int, frame: FrameType | None) -> None:
+        raise HangsError
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
-    except subprocess.TimeoutExpired as error:
-        return -1, f"hangs: {error.output!r}"
-    return done.returncode, done.stdout + done.stderr
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def settle(diary: Diary) -> None:

@@ -47,9 +47,12 @@ def test_what_the_data_leave_open_is_in_doubt(tmp_path: Path) -> None:
     assert {found.name, *found.alternatives} >= {"bias", "coulomb_asymmetry"} and 0.4 < found.probability < 0.7
 
 
-@pytest.mark.parametrize(("effect", "seed"), [("bias", 42), ("coulomb_asymmetry", 41), ("cable_spring", 2)])
+@pytest.mark.parametrize(("effect", "seed"), [("bias", 42), ("cable_spring", 2)])
 def test_reversals_and_places_tell_them_apart(tmp_path: Path, effect: str, seed: int) -> None:
-    """Where the law of friction does; a spring beside the middle of the travel gives a constant force, too."""
+    """Where the law of friction does; a spring beside the middle of the travel gives a constant force, too.
+
+    The other way round, an asymmetry that is no constant force: `tests/gap/test_diagnose.py`.
+    """
     found = of_foreign(effect, seed, tmp_path)
     assert found[effect].probability > 0.5
     assert {"bias", "coulomb_asymmetry", "cable_spring"} & {*found} == {effect}
