@@ -72,7 +72,7 @@ class AxisController:
         capacity = 1 << max(15, int(BLACKBOX / self.setup.dt).bit_length())
         self.ring, self.board = Ring.create(len(COLUMNS), capacity), Board.create()
         self.motion: Motion | None = None
-        self._put = 0  # rows of the motion that are on the board
+        self._put, self._granted = 0, 0.0  # rows of the motion that are on the board, and that may be
         self._left: Start | None = None  # what the last motion left of the friction
         self._next_left: Start | None = None
 
@@ -207,20 +207,30 @@ class AxisController:
         self.motion, self._put = motion, 0
         self._left, self._next_left = None, motion.left  # until the motion has come to its end
         first = self.board.filled
-        self.fill()
+        self.go_on()
         return Order(Event.MOVE, Move(float(first), float(motion.length), *motion.span, float(together)))
 
+    def go_on(self) -> None:
+        """Renew the motion: the loop gets rows for its dead man's time from now, and brakes where they run out."""
+        if self.motion is not None:
+            self._granted = self._done + self.motion.dead_man / self.setup.dt
+            self.fill()
+
     def fill(self) -> None:
-        """Put further rows of the motion on the board, as far as there is room."""
+        """Put further rows of the motion on the board, as far as there is room and it was renewed."""
         motion = self.motion
         if motion is None or self._put >= motion.length:
             return
-        done = min(int(self.status.row), self._put) if self.state is State.MOVING else 0
-        room = max(AHEAD - 2 - (self._put - done), 0)  # a stopped motion leaves its rows behind
         size = len(motion.rows) // motion.length
-        end = min(self._put + room, motion.length)
+        # a stopped motion leaves its rows behind
+        end = max(int(min(self._done + AHEAD - 2, motion.length, self._granted)), self._put)
         self.board.fill(motion.rows[self._put * size : end * size])
         self._put = end
+
+    @property
+    def _done(self) -> int:
+        """Rows of the motion that the loop has taken."""
+        return min(int(self.status.row), self._put) if self.state is State.MOVING else 0
 
     def finished(self, whole: bool) -> None:
         """The motion is over; after a whole one the friction state is that at the end of its plan."""
