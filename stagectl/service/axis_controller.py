@@ -207,30 +207,24 @@ class AxisController:
         self.motion, self._put = motion, 0
         self._left, self._next_left = None, motion.left  # until the motion has come to its end
         first = self.board.filled
-        self.go_on()
+        self.fill(renewed=True)
         return Order(Event.MOVE, Move(float(first), float(motion.length), *motion.span, float(together)))
 
-    def go_on(self) -> None:
-        """Renew the motion: the loop gets rows for its dead man's time from now, and brakes where they run out."""
-        if self.motion is not None:
-            self._granted = self._done + self.motion.dead_man / self.setup.dt
-            self.fill()
+    def fill(self, renewed: bool = False) -> None:
+        """Put further rows on the board: as far as there is room, and the motion was `renewed` for its dead man's time.
 
-    def fill(self) -> None:
-        """Put further rows of the motion on the board, as far as there is room and it was renewed."""
+        The loop brakes where they run out.
+        """
         motion = self.motion
         if motion is None or self._put >= motion.length:
             return
+        done = min(int(self.status.row), self._put) if self.state is State.MOVING else 0
+        if renewed:
+            self._granted = done + motion.dead_man / self.setup.dt
         size = len(motion.rows) // motion.length
-        # a stopped motion leaves its rows behind
-        end = max(int(min(self._done + AHEAD - 2, motion.length, self._granted)), self._put)
+        end = max(int(min(done + AHEAD - 2, motion.length, self._granted)), self._put)  # a stopped one leaves its rows
         self.board.fill(motion.rows[self._put * size : end * size])
         self._put = end
-
-    @property
-    def _done(self) -> int:
-        """Rows of the motion that the loop has taken."""
-        return min(int(self.status.row), self._put) if self.state is State.MOVING else 0
 
     def finished(self, whole: bool) -> None:
         """The motion is over; after a whole one the friction state is that at the end of its plan."""

@@ -73,7 +73,7 @@ class Jogs:
         held = self._held.get(axis.name)
         if held is not None and held.number == number:
             held.renew()
-            axis.go_on()
+            axis.fill(renewed=True)
         elif number in self._ended:
             was = "has ended" if self._ended[number] else "was refused"
             raise ServiceError(f"{axis.name}: this jog {was}; release the key and press it again")

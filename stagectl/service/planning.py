@@ -48,7 +48,7 @@ class Task(NamedTuple):
     feedforward: Feedforward
     start: Start  # where the axis stands, and what the last motion left of the friction
     trajectory: Experiment | Upload
-    dead_man: float = math.inf  # s of it that the loop has at most: see `AxisController.go_on`
+    dead_man: float = math.inf  # s of it that the loop has at most: see `AxisController.fill`
 
 
 class Motion(NamedTuple):

@@ -62,7 +62,7 @@ class CanopenDrive:
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
-        self._closed = self._walking = self._silent = False  # on the way to power; no answer to the last SYNC
+        self._closed = self._silent = False  # no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
         setup = DriveConfiguration(wishes, bus, brake, clock)
@@ -92,7 +92,7 @@ class CanopenDrive:
         self._walk = self._transition(power)
         self._braking = BrakingMonitor(self._pace, self._settings.quick_stop_deceleration)
         self._reports.serving = self._reports.proving = False
-        self._walking = power is Power.ON
+        self._reports.walking = power is Power.ON
         if power is Power.ON:
             self._reason = None
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
@@ -133,7 +133,7 @@ class CanopenDrive:
         elif self._mode_at:
             self._reports.show_mode(raw[self._mode_at])
         now = Feedback(counts * self._step, current, statusword, self._reports.fault(statusword))
-        return self._noted(self._walked(now) if self._walking else self._homed(now))
+        return self._noted(self._walked(now) if self._reports.walking else self._homed(now))
 
     def _homed(self, now: Feedback) -> Feedback:
         """A step of the drive's homing; the controlword of enabled operation has its start bit."""
@@ -216,7 +216,7 @@ class CanopenDrive:
             return pending
         if last is not self._reason and last.fault is Fault.DRIVE_FAULT:
             last = last._replace(fault=Fault.NONE)  # it has no power because nobody asked for it
-        if self._walking and self._last.fault is not Fault.BUS:
+        if self._reports.walking and self._last.fault is not Fault.BUS:
             return fault_texts.not_enabled(node, self._last, self._reports.signs)
         return fault_texts.explained(node, last, self._reports.signs)
 
@@ -262,7 +262,7 @@ class CanopenDrive:
         if now.fault is Fault.NONE and not (proven and self._brake.released()):
             return now._replace(fault=Fault.DRIVE_FAULT)  # not yet: mode before release, release before motion
         self._reports.serving = now.fault is Fault.NONE
-        self._walking = not self._reports.serving
+        self._reports.walking = not self._reports.serving
         if state is DriveState.OPERATION_ENABLED:
             self._reports.emergency = None  # an old one: the drive runs, and would not with an error present
         return now

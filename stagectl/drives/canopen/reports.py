@@ -12,7 +12,7 @@ import math
 import struct
 from collections.abc import Callable
 
-from stagectl.drives.bus.frames import EMERGENCY, HEARTBEAT, NMT, RPDO, SDO_ANSWER, SDO_REQUEST, Bus, frame
+from stagectl.drives.bus.frames import EMERGENCY, HEARTBEAT, NMT, RPDO, SDO_ANSWER, SDO_REQUEST, SYNC, Bus, frame
 from stagectl.drives.canopen import cia402, fault_texts
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.fault_texts import Deviation, DriveSigns, Emergency
@@ -41,6 +41,7 @@ class Reports:
         self.emergency: Emergency | None = None
         self.rebooted = False  # since it was configured
         self._answered = math.nan  # s, monotonic, of its last answer to SYNC since it was configured
+        self.walking = False  # on the way to power
         self.serving = False  # enabled, and not asked to stop
         self.proving = False  # enabled, but it has not shown its mode yet
         self._heard = math.nan  # s, monotonic, when its heartbeat was last heard
@@ -96,7 +97,7 @@ class Reports:
             self.problem = self.watch.mode(raw[8:16]) or self.problem
         elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
             self.problem = fault_texts.OTHER_MAPPING.filled(raw[4], self._answer.head[4])
-        elif self.serving:
+        elif self.serving or self.walking:
             self._notice_other_controller(identifier, raw)
 
     def _hear(self, state: int) -> None:
@@ -113,6 +114,8 @@ class Reports:
             self.problem = fault_texts.OTHER_CONTROLLER.filled(said)
         elif identifier == RPDO + self._node:
             self.problem = fault_texts.OTHER_CONTROLLER.filled("its command (RPDO) to this drive was seen")
+        elif identifier == SYNC:  # the drive answers each: at twice the rate, and half of it for another one's time
+            self.problem = fault_texts.OTHER_CONTROLLER.filled("its SYNC was seen")
 
 
 class DriveLine:
