@@ -7,7 +7,7 @@ Object indices, bit masks, abort codes and widths of formats are not here: they 
 from __future__ import annotations
 
 # The controller's side of a CANopen drive (canopen/drive.py, power_states.py)
-ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, otherwise enabling has failed
+ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, and a brake's release besides
 FOUND_POWER_TIME = 1.0  # s; chosen; for the ramp of a drive found under power, and again for the end of its power
 BACKLOG = 64  # frames; chosen; most that are cleared before a SYNC, so that a babbling node cannot block the loop
 REPEAT_COMMAND_CYCLES = 8  # cycles; chosen; a drive still in operation after them gets its stop command again, by SDO

@@ -166,7 +166,7 @@ class Axis(AxisData):
             self.happen(Event.FAILED, Fault.FOLLOWING_ERROR)
         elif self.seen.fault is Fault.NONE:
             self.happen(Event.DONE)
-        elif self.found_faulty() or self._elapsed() > ENABLE_TIME:
+        elif self.found_faulty() or self._elapsed() > ENABLE_TIME + self.p.brake.release:
             self.happen(Event.FAILED, Fault.DRIVE_FAULT)
 
     def _stopping(self) -> None:

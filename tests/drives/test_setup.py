@@ -148,6 +148,26 @@ def test_a_quick_stop_goes_by_the_ramp_that_is_set(scene: Scene, option: int) ->
     assert scene.number(0x605A00) == option + 1
 
 
+@pytest.mark.parametrize("option", [1, -1])
+def test_a_lost_connection_that_is_a_fault_goes_by_the_ramp_that_is_set(scene: Scene, option: int) -> None:
+    """The option of faults is another than that of quick stops."""
+    scene.store(0x605E00, option & 0xFFFF, 2)
+    scene.drive()  # a quick stop: it does not matter
+    scene.store(0x600700, 1, 2)
+    scene.refuses.read_only |= {0x600700, 0x605E00}
+    error = refused(scene)
+    assert (error.object_key, error.value) == (0x605E00, option)
+    if option == 1:
+        scene.refuses.read_only.remove(0x605E00)
+        assert "brakes by its ramp" in scene.drive().describe()["protection"]
+        assert scene.number(0x605E00) == 2
+
+
+def test_a_quick_stop_of_the_vendors_own_is_not_taken_for_the_ramp(scene: Scene) -> None:
+    scene.store(0x605A00, -1 & 0xFFFF, 2)
+    assert (refused(scene).object_key, refused(scene).value) == (0x605A00, -1)
+
+
 def test_a_person_may_want_another_reaction(scene: Scene) -> None:
     scene.drive(start_up=(StartUp(0x600700, 2),))
     assert scene.number(0x600700) == 2

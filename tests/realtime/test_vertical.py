@@ -236,3 +236,10 @@ def test_an_axis_that_its_holding_current_does_not_carry_loses_its_power_within_
     for _ in range(1000):
         bench.loop.period()
     assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+
+
+def test_a_brake_that_takes_its_time_is_waited_for(upright: Setup) -> None:
+    """Longer than a drive may take to give power; the block `brake` admits 5 s."""
+    bench = worked_by_us(upright, release=5.0)
+    bench.run(lambda: bench.axis.state is not State.ENABLING, 25_000)
+    assert bench.axis.state is State.MOVING, bench.axis.board.words

@@ -8,7 +8,6 @@ from typing import NamedTuple, TypeGuard
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import DriveError, Fault, Feedback
-from stagectl.drives.limits import ENABLE_TIME
 
 _RESET = "`stagectl fault reset`, or `stagectl run ... --reset-fault`"
 
@@ -189,7 +188,7 @@ def not_enabled(node: int, last: Feedback, signs: DriveSigns) -> str:
     causes = _causes(last, signs) if last.fault is Fault.FEEDBACK_LOST or problem else hint
     enabled = cia402.state(last.statusword) is DriveState.OPERATION_ENABLED
     missed = "is not ready" if enabled else "does not reach Operation enabled"
-    return f"node {node} {missed} within {ENABLE_TIME:.0f} s: it remains in {'; '.join(parts)}. {causes}"
+    return f"node {node} {missed} in time: it remains in {'; '.join(parts)}. {causes}"
 
 
 def explained(node: int, last: Feedback, signs: DriveSigns) -> str:

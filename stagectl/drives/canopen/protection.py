@@ -26,8 +26,13 @@ from stagectl.drives.run_on import AxisLimits
 NOT_OFFERED = "not offered by this drive"
 ALIVE = frame(HEARTBEAT + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
-_QUICK_STOP, _HOLDS = 3, (5, 6, 7, 8)  # option 0x6007; options 0x605A that stay in Quick stop active, under power
-_OTHER_RAMP = (1, 5)  # options 0x605A that slow down on 0x6084; the next number is the same on 0x6085
+_FAULT, _QUICK_STOP, _HOLDS = (
+    1,
+    3,
+    (5, 6, 7, 8),
+)  # options 0x6007; options 0x605A that stay in Quick stop active, under power
+_OTHER_RAMP = (1, 5)  # options 0x605A and 0x605E that slow down on 0x6084; the next number is the same on 0x6085
+_KNOWN = (None, 0, *cia402.BRAKING)  # None: a drive that has no option slows down on 0x6085; 0: it coasts
 _WRITTEN = (_QUICK_STOP, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
 _LEAVES, _STOPPED = 0, 2  # options 0x1029:01: to pre-operational, which is the default of CiA 301; to stopped
 _COMMUNICATION = 1  # subindex of 0x1029
@@ -62,7 +67,7 @@ class Supervision:
         timeout = min((time for time in (deadline, heartbeat, guarding) if time), default=0.0)
         if not timeout:
             lacks(self._objects, "no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
-        self._choose_ramp()
+        self._choose_ramp(cia402.QUICK_STOP_OPTION)
         reacts, brakes = self._reaction()
         period = min(self._settings.heartbeat, (heartbeat or guarding or self._settings.heartbeat) / BEATS)
         alive = frame(REMOTE | HEARTBEAT + self._settings.node) if guarding else ALIVE
@@ -119,13 +124,18 @@ class Supervision:
         words = NOT_OFFERED if held.value is None else f"{held.value} ms"
         self._description["heartbeat of the drive (0x1017)"] = words
 
-    def _choose_ramp(self) -> None:
-        """Let a quick stop go by the ramp that is set (0x6085), not by that of other stops, which nobody knows."""
-        key, option = cia402.QUICK_STOP_OPTION << 8, self._objects.offered(cia402.QUICK_STOP_OPTION)
-        if option in _OTHER_RAMP and not self._objects.hold(option + 1, cia402.QUICK_STOP_OPTION).fits:
-            words = f": its quick stop slows down on another ramp (0x6084) than 0x6085: {cia402.shown(key)} is {option}"
-            remedy = f"and does not become {option + 1}; set it with the drive's own tool"
-            raise self._objects.error(f"{words} {remedy}", key, option)
+    def _choose_ramp(self, index: int) -> None:
+        """Let a stop go by the ramp that is set (0x6085), not by one that nobody knows: of other stops, or a vendor's.
+
+        Raises DriveError where its option code does not change.
+        """
+        option = self._objects.offered(index)
+        if option in _OTHER_RAMP:
+            option = self._objects.hold(option + 1, index).value
+        if option not in _KNOWN:
+            name = cia402.OPTIONS[index][0]
+            words = f": how far its stop goes is not known: the {name} is {option}, {cia402.option(index, option)}"
+            raise self._objects.error(f"{words}; set it to 2 with the drive's own tool", index << 8, option)
 
     def _reaction(self) -> tuple[bool, bool]:
         """Whether a lost controller stops the axis, and whether by braking."""
@@ -144,6 +154,8 @@ class Supervision:
             lacks(self._objects, "no_reaction", cia402.ABORT_CONNECTION << 8, code)
             return False, False
         self._objects.held[cia402.ABORT_CONNECTION << 8] = code
+        if code == _FAULT:
+            self._choose_ramp(cia402.FAULT_REACTION)
         return True, self._brakes(code)
 
     def _preferred(self) -> int:
@@ -153,7 +165,7 @@ class Supervision:
 
     def _brakes(self, code: int) -> bool:
         """Whether a reaction brakes: fault and quick stop have option codes of their own, in which 0 coasts."""
-        following = {1: cia402.FAULT_REACTION, 3: cia402.QUICK_STOP_OPTION}.get(code)
+        following = {_FAULT: cia402.FAULT_REACTION, _QUICK_STOP: cia402.QUICK_STOP_OPTION}.get(code)
         return following is not None and self._objects.offered(following) != 0
 
     def _error_behaviour(self) -> bool:
