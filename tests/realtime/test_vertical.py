@@ -9,7 +9,9 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import Brake
+from stagectl.drives.canopen.library import SdoAbortedError
 from stagectl.drives.drive import Fault, StartUp
+from stagectl.drives.limits import BRAKE_PATIENCE
 from stagectl.realtime.states import Event, State
 from stagectl.selftest.rig import usual
 from tests.single_motion import SingleMotion
@@ -18,6 +20,7 @@ DROP = 0.1e-3  # m
 WEIGHT = -2.0  # N m, more than the friction carries
 PER_UNIT = 12e-3 / 6.283185307179586  # m/rad
 ENGAGE = 0.05  # s
+WRITE_ONLY = 0x0601_0001  # SDO abort code of CiA 301
 
 
 @pytest.fixture
@@ -243,3 +246,50 @@ def test_a_brake_that_takes_its_time_is_waited_for(upright: Setup) -> None:
     bench = worked_by_us(upright, release=5.0)
     bench.run(lambda: bench.axis.state is not State.ENABLING, 25_000)
     assert bench.axis.state is State.MOVING, bench.axis.board.words
+
+
+def test_a_release_that_the_outputs_do_not_show_moves_nothing(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.rig.node.objects.getters[0x60FE01] = lambda: 1
+    bench.run(lambda: bench.axis.state is not State.ENABLING, 25_000)
+    assert (bench.axis.state, bench.axis.fault) == (State.FAULT, Fault.DRIVE_FAULT)
+    assert "0x60FE" in bench.axis.board.words
+
+
+def test_outputs_that_cannot_be_read_are_taken_by_the_answer_to_the_write(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+
+    def unreadable() -> int:
+        raise SdoAbortedError(WRITE_ONLY)
+
+    bench.rig.node.objects.getters[0x60FE01] = unreadable
+    bench.to_motion()
+    since = len(bench.rig.trace)
+    switched_off(bench)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+@pytest.mark.parametrize("lost", [0.3, 30.0])
+def test_power_stays_until_the_brake_is_confirmed_and_no_longer_than_a_second(upright: Setup, lost: float) -> None:
+    """All orders to it are lost, for longer than it takes to engage: it holds nothing before it has heard one."""
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.axis.state = State.STANDING
+    since, ours, until = len(bench.rig.trace), cast(Any, bench.rig.ours), bench.rig.time.now() + lost
+    sent: Callable[[bytes], None] = ours.send
+    deaf = lambda raw: raw[0:2] == b"\x05\x06" and bench.rig.time.now() < until  # noqa: E731
+    ours.send = lambda raw: None if deaf(raw) else sent(raw)
+    bench.axis.happen(Event.DISABLE)
+    began = bench.rig.time.now()
+    bench.run(lambda: bench.axis.state is not State.ENGAGING)
+    confirmed = lost < BRAKE_PATIENCE
+    assert bench.rig.time.now() - began <= 4 * ENGAGE + BRAKE_PATIENCE + 0.01
+    assert bench.axis.state is (State.DISABLED if confirmed else State.FAULT)
+    assert confirmed or "0x60FE" in bench.axis.board.words
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered
+    assert not confirmed or bench.dropped(since) <= DROP

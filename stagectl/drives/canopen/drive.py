@@ -18,6 +18,7 @@ from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import SYNC, Bus, frame
 from stagectl.drives.canopen import cia402, fault_texts
 from stagectl.drives.canopen.boot_up import set_brake
+from stagectl.drives.canopen.brake_output import BrakeOutput
 from stagectl.drives.canopen.braking_monitor import (
     FAILURE_TEXTS,
     BrakingFailure,
@@ -73,7 +74,8 @@ class CanopenDrive:
         self._reports = Reports(settings, dt, self._answer, self._now)
         self._reports.watch.mode_shown = setup.mode_shown
         self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
-        self._brake = BrakeSequence(brake, dt, self._line.set_brake)
+        self._reports.brake = BrakeOutput(brake.control == "output", self._line.write, self._line.read)
+        self._brake = BrakeSequence(brake, dt, self._reports.brake)
         self._mode = ModeSwitch(self._line, self._command, self._reports)
         self._homing: DriveHoming | None = None
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
@@ -110,7 +112,7 @@ class CanopenDrive:
         word = self._walk.controlword  # that of Operation enabled, or of the quick stop
         if not (stopped or self._brake.keeps_enabled):
             word = cia402.DeviceCommand.SWITCH_ON.controlword  # disable operation: the drive works its brake
-        return PowerTransition(Power.OFF, still, self._brake.engaging, word)
+        return PowerTransition(Power.OFF, still, word)
 
     def sample(self) -> Feedback:
         """SYNC, and the drive's answer to it; never raises."""
@@ -153,8 +155,8 @@ class CanopenDrive:
 
     def _stopping(self, state: DriveState) -> None:
         """One period without power, or on the way there; a drive that stays in operation is told again, by SDO."""
-        if self._walk.wait():
-            self._brake.engage()
+        if self._brake.holds() and self._walk.waits:
+            self._walk.let_go()
         word = self._walk.controlword
         if self._unheard.certain(state is _OPERATION_ENABLED and word & 0x0F != _ENABLED_WORD):
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
@@ -237,7 +239,7 @@ class CanopenDrive:
     def _hold_until_engaged(self) -> None:
         """Go on until the brake that was set holds: to leave earlier lets the axis drop."""
         due = self._now()
-        while self._walk.power is Power.OFF and self._walk.controlword and not self._silent:
+        while self._walk.waits and not self._silent:
             self.sample()
             self.apply(0.0)
             due = self._rest(due)

@@ -76,6 +76,11 @@ UNTAKEN_MODE = Deviation(
     "Probable causes: the drive changes its mode only without power, or an input selects it. See the drive's manual, or"
     " home by another homing.method",
 )
+UNTAKEN_BRAKE = Deviation(
+    "its brake was to be {}, but the digital outputs (0x60FE) do not show it",
+    "Probable causes: the drive answers no SDO, an input or its own program works the output, or its mask (0x60FE:02)"
+    " is another. Look whether the brake holds, then compare with `stagectl drive dump STAGE.yaml`",
+)
 HOMING_FAILED = Deviation(
     "it reports an error of its homing (statusword bit 13)",
     "Probable causes: homing.number (0x6098) is a method that it does not have, its switch or index is not connected,"
