@@ -293,3 +293,21 @@ def test_power_stays_until_the_brake_is_confirmed_and_no_longer_than_a_second(up
     bench.rig.time.sleep(1.0)
     assert not bench.rig.seen.powered
     assert not confirmed or bench.dropped(since) <= DROP
+
+
+def test_a_bus_that_fails_while_the_brake_engages_does_not_keep_the_process(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.axis.state = State.STANDING
+    bench.axis.happen(Event.DISABLE)
+    bench.loop.period()
+    bench.rig.cut_off()
+    end = bench.rig.time.now() + 10.0
+    sleep = bench.rig.time.sleep
+
+    def bounded(seconds: float) -> None:
+        assert bench.rig.time.now() < end
+        sleep(seconds)
+
+    bench.rig.time.sleep = bounded  # type: ignore[method-assign]
+    bench.loop.leave()

@@ -121,6 +121,7 @@ class CanopenDrive:
             self._bus.send(_SYNC)
             raw = self._line.answer(self._settings.feedback_timeout)
         except OSError as error:
+            self._silent = True
             return self._failed(Fault.BUS, Deviation(f"the bus failed: {error}"))
         self._silent = raw is None
         power = self._walk.power
