@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -117,10 +118,14 @@ def test_without_a_supervisor_it_is_refused_unless_accepted(scene: Scene, how: s
     assert description["protection"].startswith("NONE")
 
 
-@pytest.mark.parametrize("missing", [0x101601, 0x140005])
-def test_one_supervisor_is_enough(scene: Scene, missing: int) -> None:
+@pytest.mark.parametrize(("missing", "left"), [(0x101601, "0x1400:05"), (0x140005, "0x1016")])
+def test_one_supervisor_is_enough(scene: Scene, missing: int, left: str) -> None:
+    """What protects the axis is named, and nothing else is."""
     scene.refuses.absent.add(missing)
-    assert enabled(scene.drive(), scene.time).fault is Fault.NONE
+    drive = scene.drive()
+    assert enabled(drive, scene.time).fault is Fault.NONE
+    words = drive.describe()["protection"]
+    assert left in words and len({"0x1400:05", "0x1016", "0x100C"} & set(re.findall("0x[0-9A-F:]+", words))) == 1
 
 
 def test_a_heartbeat_alone_is_as_quick_as_the_missing_deadline(scene: Scene) -> None:

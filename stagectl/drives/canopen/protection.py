@@ -12,7 +12,7 @@ it by name (`drive.wire.accept`).  Sources: CiA 301, heartbeat, guarding, event 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from stagectl.drives.bus.frames import HEARTBEAT, MASTER, REMOTE, frame
@@ -23,6 +23,7 @@ from stagectl.drives.drive import ACCEPTED, Accepted, Canopen
 from stagectl.drives.limits import BEATS
 from stagectl.drives.run_on import AxisLimits
 
+_MEANS = ("RPDO time-out (0x1400:05)", "heartbeat (0x1016)", "node guarding (0x100C, 0x100D)")  # that notice it
 NOT_OFFERED = "not offered by this drive"
 ALIVE = frame(HEARTBEAT + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
@@ -64,7 +65,8 @@ class Supervision:
         watched = deadline or heartbeat or self._objects.offered(cia402.CONSUMER_HEARTBEAT, 1) is not None
         # A drive whose 0x1016 does not hold is not trusted further.
         guarding = 0.0 if watched else self._guarding(quick)
-        timeout = min((time for time in (deadline, heartbeat, guarding) if time), default=0.0)
+        times = dict(zip(_MEANS, (deadline, heartbeat, guarding), strict=True))
+        timeout = min(filter(None, times.values()), default=0.0)
         if not timeout:
             lacks(self._objects, "no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
         self._choose_ramp(cia402.QUICK_STOP_OPTION)
@@ -73,7 +75,7 @@ class Supervision:
         alive = frame(REMOTE | HEARTBEAT + self._settings.node) if guarding else ALIVE
         self._produce(0.0 if guarding else period)
         protection = Protection(timeout, reacts, brakes, alive, period)
-        self._description["protection"] = in_words(protection, self._limits)
+        self._description["protection"] = in_words(protection, self._limits, [name for name in _MEANS if times[name]])
         return protection
 
     def _deadline(self, rpdo: PdoMap) -> float:
@@ -215,15 +217,19 @@ _REMEDY: dict[str, str] = {
 }
 
 
-def in_words(protection: Protection, limits: AxisLimits) -> str:
-    """What protects the axis, with the way that a lost controller costs."""
+def in_words(protection: Protection, limits: AxisLimits, by: Iterable[str]) -> str:
+    """What protects the axis, with the way that a lost controller costs; `by` names what notices it.
+
+    All of it was only read: CiA 402 leaves to the maker whether 0x6007 follows a time-out of the RPDO.
+    """
     if not protection.timeout:
         return "NONE: the drive does not notice the loss of its controller"
     if not protection.reacts:
         return "NONE: the drive notices the loss of its controller and goes on"
     how = "brakes by its ramp" if protection.brakes else "cuts its power, the axis coasts"
     words = f"{protection.timeout * 1e3:.0f} ms after the last sign of its controller the drive {how}"
-    return f"{words}; {limits.words(protection.timeout, protection.brakes)}" if limits.current else words
+    way = f"; {limits.words(protection.timeout, protection.brakes)}" if limits.current else ""
+    return f"{words}{way}; by {', '.join(by)}, as the drive says: `stagectl drive accept` tries it"
 
 
 class Outlook(NamedTuple):
@@ -237,19 +243,15 @@ def outlook(wire: Canopen, offered: Callable[[int, int], int | None], limits: Ax
     """How the axis would be protected; `offered` gives the value of an object, None where it is missing."""
     quick = min(wire.rpdo_timeout or wire.heartbeat_timeout, wire.heartbeat_timeout)
     guarded = offered(cia402.GUARD_TIME, 0) is not None and offered(cia402.LIFE_TIME_FACTOR, 0) is not None
-    means = {
-        "RPDO time-out (0x1400:05)": wire.rpdo_timeout > 0.0
-        and offered(cia402.RPDO_PARAMETER, EVENT_TIMER) is not None,
-        "heartbeat (0x1016)": offered(cia402.CONSUMER_HEARTBEAT, 1) is not None,
-        "node guarding (0x100C, 0x100D)": guarded,
-    }
+    deadline = wire.rpdo_timeout > 0.0 and offered(cia402.RPDO_PARAMETER, EVENT_TIMER) is not None
+    means = (deadline, offered(cia402.CONSUMER_HEARTBEAT, 1) is not None, guarded)
+    by = [name for name, there in zip(_MEANS, means, strict=True) if there]
     code = offered(cia402.ABORT_CONNECTION, 0)
     brakes = offered(cia402.QUICK_STOP_OPTION, 0) != 0  # 0x6007 becomes 3 where it is not
-    words = in_words(Protection(quick if any(means.values()) else 0.0, code is not None, brakes, b"", 0.0), limits)
-    by = ", ".join(name for name, there in means.items() if there)
+    words = in_words(Protection(quick if by else 0.0, code is not None, brakes, b"", 0.0), limits, by)
     written = "; 0x6007 is 0 and must take 3 at the start" if code not in (None, *_STOPS) else ""
     missing = "; 0x6007 is missing" if code is None else ""
-    return Outlook(bool(by) and code is not None, f"{words}{f'; by {by}' if by else ''}{written}{missing}")
+    return Outlook(bool(by) and code is not None, f"{words}{written}{missing}")
 
 
 def milliseconds(seconds: float) -> int:
