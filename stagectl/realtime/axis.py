@@ -268,7 +268,7 @@ class Axis(AxisData):
             lost = f" ({self.lost_origin})" if self.lost_origin else ""
             self.board.say(f"the axis has no home yet{lost}: `stagectl home`")
             return False
-        if low < limits.low or high > limits.high:
+        if not (low >= limits.low and high <= limits.high):  # nor places that are no numbers
             first, last, place, lowest, highest = map(self.p.limits.place, (limits.low, limits.high, here, low, high))
             travel = f"limits.travel is [{first}, {last}]"
             self.board.say(self.refusal(place, f"[{lowest}, {highest}]", travel))

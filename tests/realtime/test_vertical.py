@@ -11,6 +11,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import Brake
 from stagectl.drives.canopen.library import SdoAbortedError
 from stagectl.drives.drive import Fault, StartUp
+from stagectl.drives.faults import BLOCKS
 from stagectl.drives.limits import BRAKE_PATIENCE
 from stagectl.realtime.states import Event, State
 from stagectl.selftest.rig import usual
@@ -311,3 +312,44 @@ def test_a_bus_that_fails_while_the_brake_engages_does_not_keep_the_process(upri
 
     bench.rig.time.sleep = bounded  # type: ignore[method-assign]
     bench.loop.leave()
+
+
+def test_a_drive_that_holds_by_itself_is_let_go_where_commands_are_lost(upright: Setup) -> None:
+    """It stays in Quick stop active, under power: what ends that is told by SDO, too."""
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    since = len(bench.rig.trace)
+    bench.rig.begin(BLOCKS["command-lost"]("command-lost"))
+    bench.run(lambda: bench.axis.state is State.FAULT)
+    bench.run(lambda: not bench.rig.node.axis.brake.free)
+    for _ in range(500):
+        bench.loop.period()
+    bench.rig.time.sleep(0.002)
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+def test_the_end_of_a_process_takes_the_power_where_commands_are_lost(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.rig.begin(BLOCKS["command-lost"]("command-lost"))
+    bench.run(lambda: bench.axis.state is State.FAULT)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+
+
+@pytest.mark.parametrize(("fault", "lasts"), [("feedback-lost", 0.002), ("feedback-lost", 0.0), ("cable-out", 0.0)])
+def test_a_drive_that_is_not_heard_is_not_left_before_its_brake_holds(upright: Setup, fault: str, lasts: float) -> None:
+    """One answer is lost, or all: what cannot be seen to hold is left to the drive, which holds the axis by itself."""
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.axis.state = State.STANDING
+    since = len(bench.rig.trace)
+    bench.axis.happen(Event.DISABLE)
+    bench.loop.period()
+    bench.rig.begin(BLOCKS[fault](fault)._replace(duration=lasts))
+    bench.loop.leave()
+    bench.rig.time.sleep(3.0)
+    assert bench.dropped(since) <= DROP
+    assert bench.rig.seen.powered != bool(lasts)

@@ -32,7 +32,7 @@ from stagectl.drives.canopen.drive_homing import DriveHoming, ModeSwitch
 from stagectl.drives.canopen.fault_texts import Deviation, FoundState
 from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.operation_watch import mode_place
-from stagectl.drives.canopen.power_states import BrakeSequence, PowerTransition, Standstill, fault_reset
+from stagectl.drives.canopen.power_states import BrakeSequence, PowerTransition, Standstill, fault_reset, keeps_power
 from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import DriveLine, Reports
 from stagectl.drives.clock import WALL, Clock
@@ -42,8 +42,7 @@ from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, RESET_TIM
 
 _SYNC = frame(SYNC)
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
-_ON, _QUICK_STOP, _OPERATION_ENABLED = Power.ON, Power.QUICK_STOP, DriveState.OPERATION_ENABLED
-_ENABLED_WORD = cia402.DeviceCommand.ENABLE_OPERATION.controlword
+_ON, _QUICK_STOP = Power.ON, Power.QUICK_STOP
 _FAULT_BIT = 0x08  # of Fault and Fault reaction active
 
 
@@ -57,8 +56,7 @@ class CanopenDrive:
         """
         settings, dt = wishes.settings, wishes.dt
         self._settings, self._bus, self._step, self._dt = settings, bus, wishes.encoder_step, dt
-        self._clock, self._pace = clock, SpeedEstimate(dt)
-        self._now = clock.now
+        self._clock, self._now, self._pace = clock, clock.now, SpeedEstimate(dt)
         self._walk = PowerTransition(Power.OFF, self._standstill())
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
@@ -155,11 +153,11 @@ class CanopenDrive:
             self._walk = PowerTransition(Power.OFF, self._standstill())
 
     def _stopping(self, state: DriveState) -> None:
-        """One period without power, or on the way there; a drive that stays in operation is told again, by SDO."""
+        """One period without power, or on the way there; a drive that keeps its power is told again, by SDO."""
         if self._brake.holds() and self._walk.waits:
             self._walk.let_go()
         word = self._walk.controlword
-        if self._unheard.certain(state is _OPERATION_ENABLED and word & 0x0F != _ENABLED_WORD):
+        if self._unheard.certain(keeps_power(state, word)):
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
             self._line.write(cia402.CONTROLWORD, 0, word)
 
@@ -224,25 +222,36 @@ class CanopenDrive:
         return fault_texts.explained(node, last, self._reports.signs)
 
     def close(self) -> None:
-        """Disable voltage, take the node out of operation, close the bus; safe to call twice, never raises."""
+        """Disable voltage, take the node out of operation, close the bus; safe to call twice, never raises.
+
+        Where a brake is not known to hold, the drive is left as by a controller that dies: it holds the axis by itself.
+        """
         if self._closed:
             return
         self._closed = True
+        if self._walk.power is not Power.OFF:
+            self.ask(Power.ENGAGE)
         self._hold_until_engaged()
-        self.ask(Power.OFF)
         with contextlib.suppress(OSError):  # a dead bus carries nothing
-            self.apply(0.0)
-            self._bus.send(_SYNC)  # the RPDO acts with it
+            if not self._walk.waits:
+                self._cut()
             self._line.manage(cia402.NMT_PRE_OPERATIONAL)
         with contextlib.suppress(OSError):
             self._bus.close()
 
+    def _cut(self) -> None:
+        """No voltage, by the cyclic command and by SDO: either may be lost.  Raises OSError."""
+        self.ask(Power.OFF)
+        self.apply(0.0)
+        self._bus.send(_SYNC)  # the RPDO acts with it
+        self._line.write(cia402.CONTROLWORD, 0, self._walk.controlword)
+
     def _hold_until_engaged(self) -> None:
-        """Go on until the brake that was set holds: to leave earlier lets the axis drop."""
-        due = self._now()
-        while self._walk.waits and not self._silent:
+        """Go on until the brake that was set holds, or the drive is gone: to leave earlier lets the axis drop."""
+        due, gone = self._now(), ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
+        while self._walk.waits and not gone.certain(self._silent):
             self.sample()
-            self.apply(0.0)
+            self.apply(self._command.current)  # what carried the axis last
             due = self._rest(due)
 
     def _failed(self, fault: Fault, problem: Deviation | None = None) -> Feedback:

@@ -15,6 +15,7 @@ from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import Fault, Feedback, Power
 
 _OFF = cia402.DeviceCommand.DISABLE_VOLTAGE.controlword
+_ENABLED = cia402.DeviceCommand.ENABLE_OPERATION.controlword
 _ORDERS = {Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword}
 
 
@@ -109,6 +110,13 @@ class BrakeSequence:
         if self._powered > self._torque:
             self.engage()
         self._output.confirmed()
+
+
+def keeps_power(state: DriveState, controlword: int) -> bool:
+    """Whether a drive in this state has not followed a `controlword` that ends its power: its commands may be lost."""
+    if state is DriveState.QUICK_STOP_ACTIVE:  # of some, at rest and for good
+        return controlword == _OFF
+    return state is DriveState.OPERATION_ENABLED and controlword & 0x0F != _ENABLED
 
 
 def fault_reset(elapsed: float) -> int:
