@@ -239,7 +239,7 @@ class Odrive(NamedTuple):
         115200.0
     )
     axis: Annotated[int, Quantity("", "[0, 1]", "number of the axis in the drive")] = 0
-    watchdog: Annotated[float, Quantity("s", "[0, 10]", "silence after which the drive stops; 0: off")] = 0.1
+    watchdog: Annotated[float, Quantity("s", "(0, 10]", "silence after which the drive stops")] = 0.1
     feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for an answer")] = 0.05
     line_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of a period that the line may take")] = 0.8
 

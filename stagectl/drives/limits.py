@@ -7,7 +7,7 @@ Object indices, bit masks, abort codes and widths of formats are not here: they 
 from __future__ import annotations
 
 # The controller's side of a CANopen drive (canopen/drive.py, power_states.py)
-ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, otherwise enabling has failed
+ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, and a brake's release besides
 FOUND_POWER_TIME = 1.0  # s; chosen; for the ramp of a drive found under power, and again for the end of its power
 BACKLOG = 64  # frames; chosen; most that are cleared before a SYNC, so that a babbling node cannot block the loop
 REPEAT_COMMAND_CYCLES = 8  # cycles; chosen; a drive still in operation after them gets its stop command again, by SDO
@@ -16,7 +16,8 @@ RESET_PAUSE = 0.1  # s; chosen; between two edges of bit 7
 RESET_EDGES = 3  # edges; chosen; a fault that survives them has a cause that is still there
 RESET_TIME = RESET_EDGES * (RESET_HOLD + RESET_PAUSE)  # s; all of them
 TORQUE_TIME = 0.01  # s; chosen; from Operation enabled to the release of a brake: the current must be there
-BRAKE_REPEAT_CYCLES = 20  # cycles; chosen; between two orders to a brake that engages, by SDO: a cycle may lack room
+BRAKE_REPEAT_CYCLES = 20  # cycles; chosen; an order to a brake, by SDO, that is not confirmed by then is given again
+BRAKE_PATIENCE = 1.0  # s; chosen; beyond its time, for a brake whose setting is not confirmed; then power goes
 CERTAIN_FAULT_CYCLES = 3  # cycles; chosen; state Fault lasts so long before power is given up
 STANDSTILL_CYCLES = 100  # cycles; chosen; without motion for so long, the axis stands still
 STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which an axis counts as standing

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from stagectl.drives.drive import Fault
-from stagectl.drives.limits import ENABLE_TIME, STANDSTILL_CYCLES
+from stagectl.drives.limits import BRAKE_PATIENCE, ENABLE_TIME, STANDSTILL_CYCLES
 from stagectl.kernels import law
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.axis_data import GONE, LAW, NO_OUTPUT, AxisData, StopLength
@@ -156,8 +156,8 @@ class Axis(AxisData):
             self._enabling()
         elif state in STOPS_GOING_ON:
             self._stopping()
-        elif state is _ENGAGING and self._elapsed() >= self.p.brake.engage + 2.0 * self.dt:
-            self.happen(Event.DONE)
+        elif state is _ENGAGING:
+            self._engaging()
         elif state is _FAULT and self.seen.fault in GONE:
             self.hang_up()
 
@@ -166,8 +166,16 @@ class Axis(AxisData):
             self.happen(Event.FAILED, Fault.FOLLOWING_ERROR)
         elif self.seen.fault is Fault.NONE:
             self.happen(Event.DONE)
-        elif self.found_faulty() or self._elapsed() > ENABLE_TIME:
+        elif self.found_faulty() or self._elapsed() > ENABLE_TIME + self.p.brake.release:
             self.happen(Event.FAILED, Fault.DRIVE_FAULT)
+
+    def _engaging(self) -> None:
+        """Until the brake's time is over, and a drive that confirms it has let go; what is not confirmed is told."""
+        over = self._elapsed() - self.p.brake.engage - 2.0 * self.dt
+        if over > BRAKE_PATIENCE and self.drive_holds():
+            self.happen(Event.RAMP, Fault.DRIVE_FAULT)
+        elif over >= 0.0 and not self.drive_holds():
+            self.happen(Event.DONE)
 
     def _stopping(self) -> None:
         """Until it stands; a drive that does not answer stops by its own time-outs, and is given up."""
@@ -260,7 +268,7 @@ class Axis(AxisData):
             lost = f" ({self.lost_origin})" if self.lost_origin else ""
             self.board.say(f"the axis has no home yet{lost}: `stagectl home`")
             return False
-        if low < limits.low or high > limits.high:
+        if not (low >= limits.low and high <= limits.high):  # nor places that are no numbers
             first, last, place, lowest, highest = map(self.p.limits.place, (limits.low, limits.high, here, low, high))
             travel = f"limits.travel is [{first}, {last}]"
             self.board.say(self.refusal(place, f"[{lowest}, {highest}]", travel))

@@ -29,6 +29,7 @@ NO_OUTPUT = law.Output(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 GONE = (Fault.FEEDBACK_LOST, Fault.BUS, Fault.REBOOTED)  # the drive is not there as it was
 _NOT_GOVERNED = (State.ENABLING, State.ENGAGING, State.DRIVE_HOMING)  # powered, but our law does not act
 _STATE_MASK, _STATE_FAULT = DriveState.FAULT.value
+_ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
 _HOME = "check the position, then `stagectl enable` and `stagectl home`"
 _UNKNOWN = Feedback(math.nan, math.nan, 0, Fault.NONE)
 _SHOWN = 0.004  # s between two signs of life of a state that goes on: the service looks every 5 ms at most
@@ -161,6 +162,10 @@ class AxisData:
     def lose_origin(self, words: str) -> None:
         """Positions no longer mean what they did: the axis needs its home again."""
         self.homed, self.lost_origin = False, words
+
+    def drive_holds(self) -> bool:
+        """Whether the drive holds the axis under power although its brake's time is over: we work it, and it waits."""
+        return self.p.brake.control == "output" and self.seen.statusword & _ENABLED_MASK == _ENABLED
 
     def found_faulty(self) -> bool:
         """Whether the drive has been in state Fault for some periods."""

@@ -84,7 +84,7 @@ STOPS: dict[Fault, Stop] = {
         "Probable causes: the encoder froze, the coupling broke, or the axis is blocked",
         "check the encoder and the axis, then `stagectl fault reset`, `stagectl enable`, `stagectl home`"),
     Fault.STARVED: Stop(
-        Category.HOLD, "the setpoints ran out in mid motion", "Probable cause: the service was blocked for seconds",
+        Category.HOLD, "the setpoints ran out in mid motion", "Probable cause: the service was blocked",
         "the next command"),
     Fault.UNATTENDED: Stop(
         Category.RAMP, "the service that gives the orders is gone", "", "`systemctl status stagectl`"),

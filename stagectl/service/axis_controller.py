@@ -72,7 +72,7 @@ class AxisController:
         capacity = 1 << max(15, int(BLACKBOX / self.setup.dt).bit_length())
         self.ring, self.board = Ring.create(len(COLUMNS), capacity), Board.create()
         self.motion: Motion | None = None
-        self._put = 0  # rows of the motion that are on the board
+        self._put, self._granted = 0, 0.0  # rows of the motion that are on the board, and that may be
         self._left: Start | None = None  # what the last motion left of the friction
         self._next_left: Start | None = None
 
@@ -207,18 +207,22 @@ class AxisController:
         self.motion, self._put = motion, 0
         self._left, self._next_left = None, motion.left  # until the motion has come to its end
         first = self.board.filled
-        self.fill()
+        self.fill(renewed=True)
         return Order(Event.MOVE, Move(float(first), float(motion.length), *motion.span, float(together)))
 
-    def fill(self) -> None:
-        """Put further rows of the motion on the board, as far as there is room."""
+    def fill(self, renewed: bool = False) -> None:
+        """Put further rows on the board: as far as there is room, and the motion was `renewed` for its dead man's time.
+
+        The loop brakes where they run out.
+        """
         motion = self.motion
         if motion is None or self._put >= motion.length:
             return
         done = min(int(self.status.row), self._put) if self.state is State.MOVING else 0
-        room = max(AHEAD - 2 - (self._put - done), 0)  # a stopped motion leaves its rows behind
+        if renewed:
+            self._granted = done + motion.dead_man / self.setup.dt
         size = len(motion.rows) // motion.length
-        end = min(self._put + room, motion.length)
+        end = max(int(min(done + AHEAD - 2, motion.length, self._granted)), self._put)  # a stopped one leaves its rows
         self.board.fill(motion.rows[self._put * size : end * size])
         self._put = end
 

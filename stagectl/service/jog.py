@@ -6,6 +6,7 @@
              -- press 17 --------->  it is still held: again and again, in less than `HELD`
              -- stop ------------->  it was released
                                      nothing for `HELD`: the same, whatever has happened to key, page or network
+    service  -- rows ----------->    for `DEAD_MAN` from each sign: where it stands still itself, the loop brakes
 
 The move is an ordinary one: planned, within all limits, watched by the loop.  It lasts `FURTHEST` at most.  A press
 that has ended never begins again, so a message that was held up on its way moves nothing.
@@ -21,7 +22,7 @@ from functools import partial
 from stagectl.realtime.shared_memory import HOLD, INTERFACE, Board
 from stagectl.realtime.states import State
 from stagectl.service.axis_controller import AxisController, ServiceError
-from stagectl.service.limits import FURTHEST, HELD, JOG_LOOK, PRESSES
+from stagectl.service.limits import DEAD_MAN, FURTHEST, HELD, JOG_LOOK, PRESSES
 from stagectl.service.orders import OrderHandler, value_of
 from stagectl.service.planning import Task
 
@@ -72,6 +73,7 @@ class Jogs:
         held = self._held.get(axis.name)
         if held is not None and held.number == number:
             held.renew()
+            axis.fill(renewed=True)
         elif number in self._ended:
             was = "has ended" if self._ended[number] else "was refused"
             raise ServiceError(f"{axis.name}: this jog {was}; release the key and press it again")
@@ -122,4 +124,4 @@ def _towards_the_end(axis: AxisController, name: str, velocity: float) -> Task:
     if not room > axis.setup.stage.encoder.step:  # rounding leaves a little
         raise ServiceError(f"{axis.name}: it stands at the end of limits.travel: jog the other way")
     distance = min(room * scale, abs(velocity) * FURTHEST)
-    return axis.move(math.copysign(distance, velocity), abs(velocity), None)._replace(name=name)
+    return axis.move(math.copysign(distance, velocity), abs(velocity), None)._replace(name=name, dead_man=DEAD_MAN)

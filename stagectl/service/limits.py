@@ -50,6 +50,7 @@ BOX_RETRY = 5.0  # s between two attempts to write them
 # Jog (`jog`): a key that is held.
 HELD = 0.3  # s without a sign that it is, after which the axis brakes: three signs of a page, one of which may be late
 JOG_LOOK = 0.01  # s between two looks at that
+DEAD_MAN = 0.5  # s of a jog that the loop has at most after such a sign: then it brakes, whatever the service does
 FURTHEST = 10.0  # s of motion that one press gives at most
 PRESSES = 256  # presses that have ended and are remembered, so that a late message begins none of them again
 

@@ -17,7 +17,7 @@ from stagectl.service.planning import Task, Upload, check_pace
 from stagectl.service.service import Service
 from stagectl.units import StageError, UnitError, parse
 
-_ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take
+_ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, without a brake, a stop and a connection may take
 _NO_HOME = "the stage file has no homing: this position is taken as right, nothing was searched"
 Layout = Callable[[], Task | None]  # None: the axis is there already
 
@@ -51,7 +51,9 @@ class OrderHandler:
         for axis, before in zip(axes, stops, strict=True):
             await self.service.order(axis, Order(Event.ENABLE, stops=before))
         for axis in axes:
-            await self.service.until(partial(_no_longer, axis, State.ENABLING), _ENABLED)
+            await self.service.until(
+                partial(_no_longer, axis, State.ENABLING), _ENABLED + axis.setup.file.brake.release
+            )
             if axis.state is not State.STANDING:
                 raise ServiceError(f"{axis.name}: {axis.board.words or 'it did not get power'}")
 

@@ -5,6 +5,7 @@ And the pace of a move, as somebody has typed it: what no move may have, and wha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -47,6 +48,7 @@ class Task(NamedTuple):
     feedforward: Feedforward
     start: Start  # where the axis stands, and what the last motion left of the friction
     trajectory: Experiment | Upload
+    dead_man: float = math.inf  # s of it that the loop has at most: see `AxisController.fill`
 
 
 class Motion(NamedTuple):
@@ -58,6 +60,7 @@ class Motion(NamedTuple):
     span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
     left: Start  # what it leaves of the friction; its position is that of its beginning
     limited: str = ""  # words, where the current against the model's effects was limited
+    dead_man: float = math.inf  # s, as of its task
 
 
 class Refusal(NamedTuple):
@@ -87,7 +90,7 @@ def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
         check_noticeable(setup, rows[:, 0], laid_out.duration)
     span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
     left = start._replace(effects=laid_out.effects)
-    return Motion(task.name, b"", len(rows), span, left, _limited(task, laid_out)), rows
+    return Motion(task.name, b"", len(rows), span, left, _limited(task, laid_out), task.dead_man), rows
 
 
 def leaving(setup: Setup, places: Sequence[str]) -> Setup:

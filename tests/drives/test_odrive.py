@@ -190,6 +190,7 @@ def test_a_stage_file_takes_an_odrive(tmp_path: Path) -> None:
         ("baud: 921600 bit/s", "baud: 9600 bit/s", "drive.wire.baud"),
         ("delay_samples: 1", "delay_samples: 0", "drive.delay_samples"),
         ("port: odrive", "prt: odrive", "drive.wire.prt"),
+        ("baud: 921600 bit/s", "watchdog: 0 s", "drive.wire.watchdog"),  # nothing else stops it without us
     ):
         assert old in text
         path.write_text(text.replace(old, new))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -117,10 +118,14 @@ def test_without_a_supervisor_it_is_refused_unless_accepted(scene: Scene, how: s
     assert description["protection"].startswith("NONE")
 
 
-@pytest.mark.parametrize("missing", [0x101601, 0x140005])
-def test_one_supervisor_is_enough(scene: Scene, missing: int) -> None:
+@pytest.mark.parametrize(("missing", "left"), [(0x101601, "0x1400:05"), (0x140005, "0x1016")])
+def test_one_supervisor_is_enough(scene: Scene, missing: int, left: str) -> None:
+    """What protects the axis is named, and nothing else is."""
     scene.refuses.absent.add(missing)
-    assert enabled(scene.drive(), scene.time).fault is Fault.NONE
+    drive = scene.drive()
+    assert enabled(drive, scene.time).fault is Fault.NONE
+    words = drive.describe()["protection"]
+    assert left in words and len({"0x1400:05", "0x1016", "0x100C"} & set(re.findall("0x[0-9A-F:]+", words))) == 1
 
 
 def test_a_heartbeat_alone_is_as_quick_as_the_missing_deadline(scene: Scene) -> None:
@@ -146,6 +151,26 @@ def test_a_quick_stop_goes_by_the_ramp_that_is_set(scene: Scene, option: int) ->
     scene.refuses.read_only.clear()
     assert "brakes by its ramp" in scene.drive().describe()["protection"]
     assert scene.number(0x605A00) == option + 1
+
+
+@pytest.mark.parametrize("option", [1, -1])
+def test_a_lost_connection_that_is_a_fault_goes_by_the_ramp_that_is_set(scene: Scene, option: int) -> None:
+    """The option of faults is another than that of quick stops."""
+    scene.store(0x605E00, option & 0xFFFF, 2)
+    scene.drive()  # a quick stop: it does not matter
+    scene.store(0x600700, 1, 2)
+    scene.refuses.read_only |= {0x600700, 0x605E00}
+    error = refused(scene)
+    assert (error.object_key, error.value) == (0x605E00, option)
+    if option == 1:
+        scene.refuses.read_only.remove(0x605E00)
+        assert "brakes by its ramp" in scene.drive().describe()["protection"]
+        assert scene.number(0x605E00) == 2
+
+
+def test_a_quick_stop_of_the_vendors_own_is_not_taken_for_the_ramp(scene: Scene) -> None:
+    scene.store(0x605A00, -1 & 0xFFFF, 2)
+    assert (refused(scene).object_key, refused(scene).value) == (0x605A00, -1)
 
 
 def test_a_person_may_want_another_reaction(scene: Scene) -> None:

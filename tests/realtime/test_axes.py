@@ -211,11 +211,12 @@ def test_one_sync_for_all_and_each_its_own_answers() -> None:
     wire = Wire()
     ports = Ports(lambda: wire)
     x, y = ports.port(5), ports.port(6)
+    alive = {x: frame(0x705 | 1 << 30), y: frame(0x77F, b"\5")}  # one is guarded, the other watches our heartbeat
     for port in (x, y):
         port.send(frame(0x080))
         port.send(frame(0x200 + port.node, b"\1\2"))
-        port.send(frame(0x77F, b"\5"))
-    assert wire.sent == [frame(0x080), frame(0x205, b"\1\2"), frame(0x77F, b"\5"), frame(0x206, b"\1\2")]
+        port.send(alive[port])
+    assert wire.sent == [frame(0x080), frame(0x205, b"\1\2"), alive[x], frame(0x206, b"\1\2"), alive[y]]
     wire.coming = [frame(0x186, b"y"), frame(0x185, b"x"), frame(0x123, b"?")]
     assert x.receive(0.01) == frame(0x185, b"x")
     assert y.receive(0.01) == frame(0x186, b"y")

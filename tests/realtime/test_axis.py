@@ -269,6 +269,7 @@ def test_a_motion_that_would_leave_the_travel_is_refused_with_figures(ball_screw
     high = ball_screw.file.limits.travel[1]
     assert not bench.order(Order(Event.MOVE, (0.0, 10.0, 0.0, 1.01 * high, 1.0)))
     assert "limits.travel is" in bench.manned.board.words
+    assert not bench.axis.take(Order(Event.MOVE, (0.0, 10.0, math.nan, math.nan, 1.0)))
     assert bench.axis.state is State.STANDING
 
 

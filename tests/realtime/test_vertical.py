@@ -9,7 +9,10 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import Brake
+from stagectl.drives.canopen.library import SdoAbortedError
 from stagectl.drives.drive import Fault, StartUp
+from stagectl.drives.faults import BLOCKS
+from stagectl.drives.limits import BRAKE_PATIENCE
 from stagectl.realtime.states import Event, State
 from stagectl.selftest.rig import usual
 from tests.single_motion import SingleMotion
@@ -18,6 +21,7 @@ DROP = 0.1e-3  # m
 WEIGHT = -2.0  # N m, more than the friction carries
 PER_UNIT = 12e-3 / 6.283185307179586  # m/rad
 ENGAGE = 0.05  # s
+WRITE_ONLY = 0x0601_0001  # SDO abort code of CiA 301
 
 
 @pytest.fixture
@@ -236,3 +240,116 @@ def test_an_axis_that_its_holding_current_does_not_carry_loses_its_power_within_
     for _ in range(1000):
         bench.loop.period()
     assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+
+
+def test_a_brake_that_takes_its_time_is_waited_for(upright: Setup) -> None:
+    """Longer than a drive may take to give power; the block `brake` admits 5 s."""
+    bench = worked_by_us(upright, release=5.0)
+    bench.run(lambda: bench.axis.state is not State.ENABLING, 25_000)
+    assert bench.axis.state is State.MOVING, bench.axis.board.words
+
+
+def test_a_release_that_the_outputs_do_not_show_moves_nothing(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.rig.node.objects.getters[0x60FE01] = lambda: 1
+    bench.run(lambda: bench.axis.state is not State.ENABLING, 25_000)
+    assert (bench.axis.state, bench.axis.fault) == (State.FAULT, Fault.DRIVE_FAULT)
+    assert "0x60FE" in bench.axis.board.words
+
+
+def test_outputs_that_cannot_be_read_are_taken_by_the_answer_to_the_write(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+
+    def unreadable() -> int:
+        raise SdoAbortedError(WRITE_ONLY)
+
+    bench.rig.node.objects.getters[0x60FE01] = unreadable
+    bench.to_motion()
+    since = len(bench.rig.trace)
+    switched_off(bench)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+@pytest.mark.parametrize("lost", [0.3, 30.0])
+def test_power_stays_until_the_brake_is_confirmed_and_no_longer_than_a_second(upright: Setup, lost: float) -> None:
+    """All orders to it are lost, for longer than it takes to engage: it holds nothing before it has heard one."""
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.axis.state = State.STANDING
+    since, ours, until = len(bench.rig.trace), cast(Any, bench.rig.ours), bench.rig.time.now() + lost
+    sent: Callable[[bytes], None] = ours.send
+    deaf = lambda raw: raw[0:2] == b"\x05\x06" and bench.rig.time.now() < until  # noqa: E731
+    ours.send = lambda raw: None if deaf(raw) else sent(raw)
+    bench.axis.happen(Event.DISABLE)
+    began = bench.rig.time.now()
+    bench.run(lambda: bench.axis.state is not State.ENGAGING)
+    confirmed = lost < BRAKE_PATIENCE
+    assert bench.rig.time.now() - began <= 4 * ENGAGE + BRAKE_PATIENCE + 0.01
+    assert bench.axis.state is (State.DISABLED if confirmed else State.FAULT)
+    assert confirmed or "0x60FE" in bench.axis.board.words
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered
+    assert not confirmed or bench.dropped(since) <= DROP
+
+
+def test_a_bus_that_fails_while_the_brake_engages_does_not_keep_the_process(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.axis.state = State.STANDING
+    bench.axis.happen(Event.DISABLE)
+    bench.loop.period()
+    bench.rig.cut_off()
+    end = bench.rig.time.now() + 10.0
+    sleep = bench.rig.time.sleep
+
+    def bounded(seconds: float) -> None:
+        assert bench.rig.time.now() < end
+        sleep(seconds)
+
+    bench.rig.time.sleep = bounded  # type: ignore[method-assign]
+    bench.loop.leave()
+
+
+def test_a_drive_that_holds_by_itself_is_let_go_where_commands_are_lost(upright: Setup) -> None:
+    """It stays in Quick stop active, under power: what ends that is told by SDO, too."""
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    since = len(bench.rig.trace)
+    bench.rig.begin(BLOCKS["command-lost"]("command-lost"))
+    bench.run(lambda: bench.axis.state is State.FAULT)
+    bench.run(lambda: not bench.rig.node.axis.brake.free)
+    for _ in range(500):
+        bench.loop.period()
+    bench.rig.time.sleep(0.002)
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.dropped(since) <= DROP
+
+
+def test_the_end_of_a_process_takes_the_power_where_commands_are_lost(upright: Setup) -> None:
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.rig.begin(BLOCKS["command-lost"]("command-lost"))
+    bench.run(lambda: bench.axis.state is State.FAULT)
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+
+
+@pytest.mark.parametrize(("fault", "lasts"), [("feedback-lost", 0.002), ("feedback-lost", 0.0), ("cable-out", 0.0)])
+def test_a_drive_that_is_not_heard_is_not_left_before_its_brake_holds(upright: Setup, fault: str, lasts: float) -> None:
+    """One answer is lost, or all: what cannot be seen to hold is left to the drive, which holds the axis by itself."""
+    bench = worked_by_us(upright, release=0.03)
+    bench.to_motion()
+    bench.axis.state = State.STANDING
+    since = len(bench.rig.trace)
+    bench.axis.happen(Event.DISABLE)
+    bench.loop.period()
+    bench.rig.begin(BLOCKS[fault](fault)._replace(duration=lasts))
+    bench.loop.leave()
+    bench.rig.time.sleep(3.0)
+    assert bench.dropped(since) <= DROP
+    assert bench.rig.seen.powered != bool(lasts)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import os
+import signal
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -10,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from stagectl.service.limits import HELD
+from stagectl.service.limits import DEAD_MAN, HELD
 from stagectl.web.client import RefusedError
 from tests.service.serving import Served, served
 
@@ -68,6 +70,19 @@ def test_it_moves_while_it_is_held_and_stops_without_a_sign(machine: Served, spe
     axis = standing(machine)
     assert time.monotonic() - began < HELD + 1.0  # the machine is shared
     assert axis["fault"] == "" and 2e-3 < axis["position"] * sense < 20e-3
+
+
+def test_a_service_that_stands_still_does_not_jog_on(machine: Served) -> None:
+    """Who would have to brake is frozen, alive: the loop has no more rows than the key was held for."""
+    assert machine.process is not None
+    held(machine, lambda place: place > 1e-3)
+    began = float(machine.heard()["reference"])
+    os.kill(machine.process.pid, signal.SIGSTOP)
+    time.sleep(4.0)
+    os.kill(machine.process.pid, signal.SIGCONT)
+    axis = standing(machine)
+    assert axis["reference"] - began < 5e-3 * (DEAD_MAN + 1.0)  # the machine is shared
+    assert axis["fault"] == "starved"
 
 
 def test_a_late_sign_of_a_press_that_has_ended_moves_nothing(machine: Served) -> None:

@@ -15,11 +15,10 @@ import struct
 import time
 from collections.abc import Callable
 
-from stagectl.drives.bus.frames import HEARTBEAT, MASTER, SYNC, TPDO, Bus
+from stagectl.drives.bus.frames import SYNC, TPDO, Bus
 from stagectl.drives.limits import PORT_QUEUE
 
 _HEAD = struct.Struct("<I")
-_OWN_ONCE = (SYNC, HEARTBEAT + MASTER)  # SYNC and our heartbeat: one for all drives
 
 
 class Ports:
@@ -38,17 +37,20 @@ class Ports:
         return self._ports[node]
 
     def send(self, node: int, frame: bytes) -> None:
-        """One frame of the port of `node`; what concerns all drives goes out once."""
+        """One frame of the port of `node`; SYNC goes out once for all.
+
+        Our heartbeat does not: another drive may want it sooner than the first, which may not even be watching it.
+        """
         assert self._bus is not None
-        identifier = _HEAD.unpack_from(frame)[0]
-        if identifier == SYNC and self.leads(node):
+        if _HEAD.unpack_from(frame)[0] == SYNC:
+            if not self.leads(node):
+                return
             for port in self._ports.values():
                 port.renew()
-        if identifier not in _OWN_ONCE or self.leads(node):
-            self._bus.send(frame)
+        self._bus.send(frame)
 
     def leads(self, node: int) -> bool:
-        """Whether SYNC and heartbeat go out by the port of `node`."""
+        """Whether SYNC goes out by the port of `node`."""
         return node == next(iter(self._ports))
 
     def receive(self, node: int, timeout: float) -> bytes | None:

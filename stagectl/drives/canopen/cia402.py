@@ -131,6 +131,7 @@ TOWARDS_ENABLED: dict[DriveState, DeviceCommand] = {
 _COASTS = {0: "power off, the axis coasts"}
 _SLOWS = {1: "slow down ramp", 2: "quick stop ramp", 3: "current limit", 4: "voltage limit"}
 _SLOWS_THEN_OFF = _COASTS | {1: "slow down on the slow down ramp, then power off"}
+BRAKING = (2, 3, 4, 6, 7, 8)  # options 0x605A and 0x605E that slow down on the quick stop ramp (0x6085), or sooner
 OPTIONS: dict[int, tuple[str, dict[int, str]]] = {
     QUICK_STOP_OPTION: (
         "quick stop option (0x605A)",

@@ -18,6 +18,7 @@ from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import SYNC, Bus, frame
 from stagectl.drives.canopen import cia402, fault_texts
 from stagectl.drives.canopen.boot_up import set_brake
+from stagectl.drives.canopen.brake_output import BrakeOutput
 from stagectl.drives.canopen.braking_monitor import (
     FAILURE_TEXTS,
     BrakingFailure,
@@ -31,7 +32,7 @@ from stagectl.drives.canopen.drive_homing import DriveHoming, ModeSwitch
 from stagectl.drives.canopen.fault_texts import Deviation, FoundState
 from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.operation_watch import mode_place
-from stagectl.drives.canopen.power_states import BrakeSequence, PowerTransition, Standstill, fault_reset
+from stagectl.drives.canopen.power_states import BrakeSequence, PowerTransition, Standstill, fault_reset, keeps_power
 from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import DriveLine, Reports
 from stagectl.drives.clock import WALL, Clock
@@ -41,8 +42,7 @@ from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, RESET_TIM
 
 _SYNC = frame(SYNC)
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
-_ON, _QUICK_STOP, _OPERATION_ENABLED = Power.ON, Power.QUICK_STOP, DriveState.OPERATION_ENABLED
-_ENABLED_WORD = cia402.DeviceCommand.ENABLE_OPERATION.controlword
+_ON, _QUICK_STOP = Power.ON, Power.QUICK_STOP
 _FAULT_BIT = 0x08  # of Fault and Fault reaction active
 
 
@@ -56,13 +56,12 @@ class CanopenDrive:
         """
         settings, dt = wishes.settings, wishes.dt
         self._settings, self._bus, self._step, self._dt = settings, bus, wishes.encoder_step, dt
-        self._clock, self._pace = clock, SpeedEstimate(dt)
-        self._now = clock.now
+        self._clock, self._now, self._pace = clock, clock.now, SpeedEstimate(dt)
         self._walk = PowerTransition(Power.OFF, self._standstill())
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
-        self._closed = self._walking = self._silent = False  # on the way to power; no answer to the last SYNC
+        self._closed = self._silent = False  # no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
         setup = DriveConfiguration(wishes, bus, brake, clock)
@@ -73,7 +72,8 @@ class CanopenDrive:
         self._reports = Reports(settings, dt, self._answer, self._now)
         self._reports.watch.mode_shown = setup.mode_shown
         self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
-        self._brake = BrakeSequence(brake, dt, self._line.set_brake)
+        self._reports.brake = BrakeOutput(brake.control == "output", self._line.write, self._line.read)
+        self._brake = BrakeSequence(brake, dt, self._reports.brake)
         self._mode = ModeSwitch(self._line, self._command, self._reports)
         self._homing: DriveHoming | None = None
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
@@ -92,7 +92,7 @@ class CanopenDrive:
         self._walk = self._transition(power)
         self._braking = BrakingMonitor(self._pace, self._settings.quick_stop_deceleration)
         self._reports.serving = self._reports.proving = False
-        self._walking = power is Power.ON
+        self._reports.walking = power is Power.ON
         if power is Power.ON:
             self._reason = None
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
@@ -110,7 +110,7 @@ class CanopenDrive:
         word = self._walk.controlword  # that of Operation enabled, or of the quick stop
         if not (stopped or self._brake.keeps_enabled):
             word = cia402.DeviceCommand.SWITCH_ON.controlword  # disable operation: the drive works its brake
-        return PowerTransition(Power.OFF, still, self._brake.engaging, word)
+        return PowerTransition(Power.OFF, still, word)
 
     def sample(self) -> Feedback:
         """SYNC, and the drive's answer to it; never raises."""
@@ -119,6 +119,7 @@ class CanopenDrive:
             self._bus.send(_SYNC)
             raw = self._line.answer(self._settings.feedback_timeout)
         except OSError as error:
+            self._silent = True
             return self._failed(Fault.BUS, Deviation(f"the bus failed: {error}"))
         self._silent = raw is None
         power = self._walk.power
@@ -133,7 +134,7 @@ class CanopenDrive:
         elif self._mode_at:
             self._reports.show_mode(raw[self._mode_at])
         now = Feedback(counts * self._step, current, statusword, self._reports.fault(statusword))
-        return self._noted(self._walked(now) if self._walking else self._homed(now))
+        return self._noted(self._walked(now) if self._reports.walking else self._homed(now))
 
     def _homed(self, now: Feedback) -> Feedback:
         """A step of the drive's homing; the controlword of enabled operation has its start bit."""
@@ -152,11 +153,11 @@ class CanopenDrive:
             self._walk = PowerTransition(Power.OFF, self._standstill())
 
     def _stopping(self, state: DriveState) -> None:
-        """One period without power, or on the way there; a drive that stays in operation is told again, by SDO."""
-        if self._walk.wait():
-            self._brake.engage()
+        """One period without power, or on the way there; a drive that keeps its power is told again, by SDO."""
+        if self._brake.holds() and self._walk.waits:
+            self._walk.let_go()
         word = self._walk.controlword
-        if self._unheard.certain(state is _OPERATION_ENABLED and word & 0x0F != _ENABLED_WORD):
+        if self._unheard.certain(keeps_power(state, word)):
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
             self._line.write(cia402.CONTROLWORD, 0, word)
 
@@ -216,30 +217,41 @@ class CanopenDrive:
             return pending
         if last is not self._reason and last.fault is Fault.DRIVE_FAULT:
             last = last._replace(fault=Fault.NONE)  # it has no power because nobody asked for it
-        if self._walking and self._last.fault is not Fault.BUS:
+        if self._reports.walking and self._last.fault is not Fault.BUS:
             return fault_texts.not_enabled(node, self._last, self._reports.signs)
         return fault_texts.explained(node, last, self._reports.signs)
 
     def close(self) -> None:
-        """Disable voltage, take the node out of operation, close the bus; safe to call twice, never raises."""
+        """Disable voltage, take the node out of operation, close the bus; safe to call twice, never raises.
+
+        Where a brake is not known to hold, the drive is left as by a controller that dies: it holds the axis by itself.
+        """
         if self._closed:
             return
         self._closed = True
+        if self._walk.power is not Power.OFF:
+            self.ask(Power.ENGAGE)
         self._hold_until_engaged()
-        self.ask(Power.OFF)
         with contextlib.suppress(OSError):  # a dead bus carries nothing
-            self.apply(0.0)
-            self._bus.send(_SYNC)  # the RPDO acts with it
+            if not self._walk.waits:
+                self._cut()
             self._line.manage(cia402.NMT_PRE_OPERATIONAL)
         with contextlib.suppress(OSError):
             self._bus.close()
 
+    def _cut(self) -> None:
+        """No voltage, by the cyclic command and by SDO: either may be lost.  Raises OSError."""
+        self.ask(Power.OFF)
+        self.apply(0.0)
+        self._bus.send(_SYNC)  # the RPDO acts with it
+        self._line.write(cia402.CONTROLWORD, 0, self._walk.controlword)
+
     def _hold_until_engaged(self) -> None:
-        """Go on until the brake that was set holds: to leave earlier lets the axis drop."""
-        due = self._now()
-        while self._walk.power is Power.OFF and self._walk.controlword and not self._silent:
+        """Go on until the brake that was set holds, or the drive is gone: to leave earlier lets the axis drop."""
+        due, gone = self._now(), ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
+        while self._walk.waits and not gone.certain(self._silent):
             self.sample()
-            self.apply(0.0)
+            self.apply(self._command.current)  # what carried the axis last
             due = self._rest(due)
 
     def _failed(self, fault: Fault, problem: Deviation | None = None) -> Feedback:
@@ -262,7 +274,7 @@ class CanopenDrive:
         if now.fault is Fault.NONE and not (proven and self._brake.released()):
             return now._replace(fault=Fault.DRIVE_FAULT)  # not yet: mode before release, release before motion
         self._reports.serving = now.fault is Fault.NONE
-        self._walking = not self._reports.serving
+        self._reports.walking = not self._reports.serving
         if state is DriveState.OPERATION_ENABLED:
             self._reports.emergency = None  # an old one: the drive runs, and would not with an error present
         return now

@@ -8,7 +8,6 @@ from typing import NamedTuple, TypeGuard
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import DriveError, Fault, Feedback
-from stagectl.drives.limits import ENABLE_TIME
 
 _RESET = "`stagectl fault reset`, or `stagectl run ... --reset-fault`"
 
@@ -76,6 +75,11 @@ UNTAKEN_MODE = Deviation(
     "it does not take the mode of operation {} (0x6060) under power, but shows {} (0x6061)",
     "Probable causes: the drive changes its mode only without power, or an input selects it. See the drive's manual, or"
     " home by another homing.method",
+)
+UNTAKEN_BRAKE = Deviation(
+    "its brake was to be {}, but the digital outputs (0x60FE) do not show it",
+    "Probable causes: the drive answers no SDO, an input or its own program works the output, or its mask (0x60FE:02)"
+    " is another. Look whether the brake holds, then compare with `stagectl drive dump STAGE.yaml`",
 )
 HOMING_FAILED = Deviation(
     "it reports an error of its homing (statusword bit 13)",
@@ -189,7 +193,7 @@ def not_enabled(node: int, last: Feedback, signs: DriveSigns) -> str:
     causes = _causes(last, signs) if last.fault is Fault.FEEDBACK_LOST or problem else hint
     enabled = cia402.state(last.statusword) is DriveState.OPERATION_ENABLED
     missed = "is not ready" if enabled else "does not reach Operation enabled"
-    return f"node {node} {missed} within {ENABLE_TIME:.0f} s: it remains in {'; '.join(parts)}. {causes}"
+    return f"node {node} {missed} in time: it remains in {'; '.join(parts)}. {causes}"
 
 
 def explained(node: int, last: Feedback, signs: DriveSigns) -> str:

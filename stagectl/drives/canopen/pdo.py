@@ -95,6 +95,11 @@ class CommandPdo:
         for place in self._modes:
             self._fields[place] = mode
 
+    @property
+    def current(self) -> float:
+        """The last command (A)."""
+        return self._fields[self._command] * self._scale
+
     def encode(self, controlword: int, current: float) -> bytes:
         """The frame; `current` (A) in counts, halves upwards, saturated.  Raises ValueError on NaN."""
         scaled = current / self._scale + 0.5

@@ -6,15 +6,16 @@ With a brake, torque comes before its release and stays until it holds.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from stagectl.drives import limits
 from stagectl.drives.brake import Brake
 from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.brake_output import BrakeOutput
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import Fault, Feedback, Power
 
 _OFF = cia402.DeviceCommand.DISABLE_VOLTAGE.controlword
+_ENABLED = cia402.DeviceCommand.ENABLE_OPERATION.controlword
 _ORDERS = {Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword}
 
 
@@ -41,11 +42,11 @@ class Standstill:
 class PowerTransition:
     """The way to one power; `controlword` is that of the next period."""
 
-    def __init__(self, power: Power, still: Standstill, engaging: int = 0, holding: int = _OFF) -> None:
-        """Where a brake takes `engaging` periods to hold, the controlword is `holding` so long before power is cut."""
-        self.power, self._still, self._engaging = power, still, engaging
+    def __init__(self, power: Power, still: Standstill, holding: int | None = None) -> None:
+        """The controlword is `holding` until `let_go`, where a brake must hold before power is cut."""
+        self.power, self._still, self.waits = power, still, holding is not None
         self._answers = 0  # since this power was asked for
-        self.controlword = holding if engaging else _ORDERS.get(power, _OFF)
+        self.controlword = _ORDERS.get(power, _OFF) if holding is None else holding
 
     @property
     def certain(self) -> bool:
@@ -60,47 +61,62 @@ class PowerTransition:
             self.controlword = _towards_enabled(state, stands)
         return state
 
-    def wait(self) -> bool:
-        """One period on the way without power; whether the brake is told again, as the first time may be lost."""
-        if not self._engaging:
-            return False
-        self._engaging -= 1
-        if not self._engaging:
-            self.controlword = _OFF
-        return self._engaging % limits.BRAKE_REPEAT_CYCLES == 0
+    def let_go(self) -> None:
+        """The brake holds: power is cut."""
+        self.waits, self.controlword = False, _OFF
 
 
 class BrakeSequence:
     """When a brake is released and engaged, period by period."""
 
-    def __init__(self, brake: Brake, dt: float, output: Callable[[bool], None]) -> None:
-        """With the period `dt` (s); `output` sets (True) or releases the brake where we work it."""
-        self.present = brake.present
-        self._output = output if brake.control == "output" else lambda _: None  # the drive works its brake by itself
-        self._torque = math.ceil(limits.TORQUE_TIME / dt) if brake.present else 0
-        self._free = self._torque + math.ceil(brake.release / dt)
-        self.engaging = math.ceil(brake.engage / dt) if brake.present else 0  # periods until it holds
+    def __init__(self, brake: Brake, dt: float, output: BrakeOutput) -> None:
+        """With the period `dt` (s); `output` works the brake where we do."""
+        self.present, self._output = brake.present, output
+        self._torque = math.ceil(limits.TORQUE_TIME / dt)
+        self._free = self._torque + max(math.ceil(brake.release / dt), 1)
+        self._engaging = math.ceil(brake.engage / dt)
+        self._patience = math.ceil(2.0 * limits.BRAKE_PATIENCE / dt)  # the axis gives up first, and says why
         self.keeps_enabled = brake.control == "output"  # while it engages
-        self._powered = 0  # periods in Operation enabled
+        self._powered = 0  # periods in Operation enabled, less those in which a release is not confirmed
+        self._left = self._unconfirmed = 0  # periods until a brake that was set holds; in which it was not confirmed
 
     def released(self) -> bool:
         """Whether the axis may move, one period of Operation enabled later; releases the brake on the way."""
         if not self.present:
             return True
         if self._powered == self._torque:
-            self._output(False)
-        self._powered += 1
+            self._output.order(False)
+        if self._powered <= self._torque or self._output.confirmed():
+            self._powered += 1
         return self._powered > self._free
 
     def engage(self) -> None:
-        """Set the brake; it holds `engaging` periods later."""
-        self._powered = 0
-        self._output(True)
+        """Set the brake."""
+        self._powered, self._left, self._unconfirmed = 0, self._engaging, 0
+        self._output.order(True)
+
+    def holds(self) -> bool:
+        """Whether a brake that was set holds, one period later; one that does not confirm it is not waited for ever."""
+        if self._output.confirmed():  # from then on it takes its time
+            self._left -= 1
+            return self._left <= 0
+        self._unconfirmed += 1
+        return self._unconfirmed > self._patience
 
     def watch(self, powered: bool) -> None:
         """Set a brake that is released where the drive leaves Operation enabled on the way to power: nothing holds."""
-        if self._powered > self._torque and not powered:
+        if powered:
+            return
+        if self._powered > self._torque:
             self.engage()
+        self._output.confirmed()
+
+
+def keeps_power(state: DriveState, controlword: int) -> bool:
+    """Whether a drive in this state has not followed a `controlword` that ends its power: its commands may be lost."""
+    if state is DriveState.QUICK_STOP_ACTIVE:  # of some, at rest and for good
+        return controlword == _OFF
+    return state is DriveState.OPERATION_ENABLED and controlword & 0x0F != _ENABLED
 
 
 def fault_reset(elapsed: float) -> int:

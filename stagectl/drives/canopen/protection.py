@@ -12,7 +12,7 @@ it by name (`drive.wire.accept`).  Sources: CiA 301, heartbeat, guarding, event 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from stagectl.drives.bus.frames import HEARTBEAT, MASTER, REMOTE, frame
@@ -23,11 +23,17 @@ from stagectl.drives.drive import ACCEPTED, Accepted, Canopen
 from stagectl.drives.limits import BEATS
 from stagectl.drives.run_on import AxisLimits
 
+_MEANS = ("RPDO time-out (0x1400:05)", "heartbeat (0x1016)", "node guarding (0x100C, 0x100D)")  # that notice it
 NOT_OFFERED = "not offered by this drive"
 ALIVE = frame(HEARTBEAT + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
-_QUICK_STOP, _HOLDS = 3, (5, 6, 7, 8)  # option 0x6007; options 0x605A that stay in Quick stop active, under power
-_OTHER_RAMP = (1, 5)  # options 0x605A that slow down on 0x6084; the next number is the same on 0x6085
+_FAULT, _QUICK_STOP, _HOLDS = (
+    1,
+    3,
+    (5, 6, 7, 8),
+)  # options 0x6007; options 0x605A that stay in Quick stop active, under power
+_OTHER_RAMP = (1, 5)  # options 0x605A and 0x605E that slow down on 0x6084; the next number is the same on 0x6085
+_KNOWN = (None, 0, *cia402.BRAKING)  # None: a drive that has no option slows down on 0x6085; 0: it coasts
 _WRITTEN = (_QUICK_STOP, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
 _LEAVES, _STOPPED = 0, 2  # options 0x1029:01: to pre-operational, which is the default of CiA 301; to stopped
 _COMMUNICATION = 1  # subindex of 0x1029
@@ -59,16 +65,17 @@ class Supervision:
         watched = deadline or heartbeat or self._objects.offered(cia402.CONSUMER_HEARTBEAT, 1) is not None
         # A drive whose 0x1016 does not hold is not trusted further.
         guarding = 0.0 if watched else self._guarding(quick)
-        timeout = min((time for time in (deadline, heartbeat, guarding) if time), default=0.0)
+        times = dict(zip(_MEANS, (deadline, heartbeat, guarding), strict=True))
+        timeout = min(filter(None, times.values()), default=0.0)
         if not timeout:
             lacks(self._objects, "no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
-        self._choose_ramp()
+        self._choose_ramp(cia402.QUICK_STOP_OPTION)
         reacts, brakes = self._reaction()
         period = min(self._settings.heartbeat, (heartbeat or guarding or self._settings.heartbeat) / BEATS)
         alive = frame(REMOTE | HEARTBEAT + self._settings.node) if guarding else ALIVE
         self._produce(0.0 if guarding else period)
         protection = Protection(timeout, reacts, brakes, alive, period)
-        self._description["protection"] = in_words(protection, self._limits)
+        self._description["protection"] = in_words(protection, self._limits, [name for name in _MEANS if times[name]])
         return protection
 
     def _deadline(self, rpdo: PdoMap) -> float:
@@ -119,13 +126,18 @@ class Supervision:
         words = NOT_OFFERED if held.value is None else f"{held.value} ms"
         self._description["heartbeat of the drive (0x1017)"] = words
 
-    def _choose_ramp(self) -> None:
-        """Let a quick stop go by the ramp that is set (0x6085), not by that of other stops, which nobody knows."""
-        key, option = cia402.QUICK_STOP_OPTION << 8, self._objects.offered(cia402.QUICK_STOP_OPTION)
-        if option in _OTHER_RAMP and not self._objects.hold(option + 1, cia402.QUICK_STOP_OPTION).fits:
-            words = f": its quick stop slows down on another ramp (0x6084) than 0x6085: {cia402.shown(key)} is {option}"
-            remedy = f"and does not become {option + 1}; set it with the drive's own tool"
-            raise self._objects.error(f"{words} {remedy}", key, option)
+    def _choose_ramp(self, index: int) -> None:
+        """Let a stop go by the ramp that is set (0x6085), not by one that nobody knows: of other stops, or a vendor's.
+
+        Raises DriveError where its option code does not change.
+        """
+        option = self._objects.offered(index)
+        if option in _OTHER_RAMP:
+            option = self._objects.hold(option + 1, index).value
+        if option not in _KNOWN:
+            name = cia402.OPTIONS[index][0]
+            words = f": how far its stop goes is not known: the {name} is {option}, {cia402.option(index, option)}"
+            raise self._objects.error(f"{words}; set it to 2 with the drive's own tool", index << 8, option)
 
     def _reaction(self) -> tuple[bool, bool]:
         """Whether a lost controller stops the axis, and whether by braking."""
@@ -144,6 +156,8 @@ class Supervision:
             lacks(self._objects, "no_reaction", cia402.ABORT_CONNECTION << 8, code)
             return False, False
         self._objects.held[cia402.ABORT_CONNECTION << 8] = code
+        if code == _FAULT:
+            self._choose_ramp(cia402.FAULT_REACTION)
         return True, self._brakes(code)
 
     def _preferred(self) -> int:
@@ -153,7 +167,7 @@ class Supervision:
 
     def _brakes(self, code: int) -> bool:
         """Whether a reaction brakes: fault and quick stop have option codes of their own, in which 0 coasts."""
-        following = {1: cia402.FAULT_REACTION, 3: cia402.QUICK_STOP_OPTION}.get(code)
+        following = {_FAULT: cia402.FAULT_REACTION, _QUICK_STOP: cia402.QUICK_STOP_OPTION}.get(code)
         return following is not None and self._objects.offered(following) != 0
 
     def _error_behaviour(self) -> bool:
@@ -203,15 +217,19 @@ _REMEDY: dict[str, str] = {
 }
 
 
-def in_words(protection: Protection, limits: AxisLimits) -> str:
-    """What protects the axis, with the way that a lost controller costs."""
+def in_words(protection: Protection, limits: AxisLimits, by: Iterable[str]) -> str:
+    """What protects the axis, with the way that a lost controller costs; `by` names what notices it.
+
+    All of it was only read: CiA 402 leaves to the maker whether 0x6007 follows a time-out of the RPDO.
+    """
     if not protection.timeout:
         return "NONE: the drive does not notice the loss of its controller"
     if not protection.reacts:
         return "NONE: the drive notices the loss of its controller and goes on"
     how = "brakes by its ramp" if protection.brakes else "cuts its power, the axis coasts"
     words = f"{protection.timeout * 1e3:.0f} ms after the last sign of its controller the drive {how}"
-    return f"{words}; {limits.words(protection.timeout, protection.brakes)}" if limits.current else words
+    way = f"; {limits.words(protection.timeout, protection.brakes)}" if limits.current else ""
+    return f"{words}{way}; by {', '.join(by)}, as the drive says: `stagectl drive accept` tries it"
 
 
 class Outlook(NamedTuple):
@@ -225,19 +243,15 @@ def outlook(wire: Canopen, offered: Callable[[int, int], int | None], limits: Ax
     """How the axis would be protected; `offered` gives the value of an object, None where it is missing."""
     quick = min(wire.rpdo_timeout or wire.heartbeat_timeout, wire.heartbeat_timeout)
     guarded = offered(cia402.GUARD_TIME, 0) is not None and offered(cia402.LIFE_TIME_FACTOR, 0) is not None
-    means = {
-        "RPDO time-out (0x1400:05)": wire.rpdo_timeout > 0.0
-        and offered(cia402.RPDO_PARAMETER, EVENT_TIMER) is not None,
-        "heartbeat (0x1016)": offered(cia402.CONSUMER_HEARTBEAT, 1) is not None,
-        "node guarding (0x100C, 0x100D)": guarded,
-    }
+    deadline = wire.rpdo_timeout > 0.0 and offered(cia402.RPDO_PARAMETER, EVENT_TIMER) is not None
+    means = (deadline, offered(cia402.CONSUMER_HEARTBEAT, 1) is not None, guarded)
+    by = [name for name, there in zip(_MEANS, means, strict=True) if there]
     code = offered(cia402.ABORT_CONNECTION, 0)
     brakes = offered(cia402.QUICK_STOP_OPTION, 0) != 0  # 0x6007 becomes 3 where it is not
-    words = in_words(Protection(quick if any(means.values()) else 0.0, code is not None, brakes, b"", 0.0), limits)
-    by = ", ".join(name for name, there in means.items() if there)
+    words = in_words(Protection(quick if by else 0.0, code is not None, brakes, b"", 0.0), limits, by)
     written = "; 0x6007 is 0 and must take 3 at the start" if code not in (None, *_STOPS) else ""
     missing = "; 0x6007 is missing" if code is None else ""
-    return Outlook(bool(by) and code is not None, f"{words}{f'; by {by}' if by else ''}{written}{missing}")
+    return Outlook(bool(by) and code is not None, f"{words}{written}{missing}")
 
 
 def milliseconds(seconds: float) -> int:

@@ -12,8 +12,9 @@ import math
 import struct
 from collections.abc import Callable
 
-from stagectl.drives.bus.frames import EMERGENCY, HEARTBEAT, NMT, RPDO, SDO_ANSWER, SDO_REQUEST, Bus, frame
+from stagectl.drives.bus.frames import EMERGENCY, HEARTBEAT, NMT, RPDO, SDO_ANSWER, SDO_REQUEST, SYNC, Bus, frame
 from stagectl.drives.canopen import cia402, fault_texts
+from stagectl.drives.canopen.brake_output import BrakeOutput
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.fault_texts import Deviation, DriveSigns, Emergency
 from stagectl.drives.canopen.operation_watch import MODE_REQUEST, OperationWatch
@@ -21,9 +22,9 @@ from stagectl.drives.canopen.pdo import FeedbackPdo
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.drives.limits import BACKLOG, MODE_PERIOD, YOUNG_HEARTBEAT
 
-_WRITE = struct.Struct("<BHBI")  # SDO: expedited download
+_REQUEST = struct.Struct("<BHBI")  # SDO: upload, or expedited download
 _SIZES = {cia402.MODE: 0x2F, cia402.CONTROLWORD: 0x2B}  # SDO: one byte, two bytes
-_LONG = 0x23  # four bytes
+_LONG, _READ = 0x23, 0x40  # four bytes; upload
 _EMERGENCY = struct.Struct("<8xHB5s")
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
 _NONE, _DRIVE_FAULT = Fault.NONE, Fault.DRIVE_FAULT
@@ -33,6 +34,8 @@ _ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
 class Reports:
     """What one drive, and others on its bus, have said."""
 
+    brake: BrakeOutput  # what hears of the brake that we work
+
     def __init__(self, settings: Canopen, dt: float, answer: FeedbackPdo, now: Callable[[], float]) -> None:
         """In periods of `dt` (s); `answer` is the TPDO that is no business of this room, `now` the clock (s)."""
         self._node, self._timeout, self._answer, self.now = settings.node, settings.heartbeat_timeout, answer, now
@@ -41,6 +44,7 @@ class Reports:
         self.emergency: Emergency | None = None
         self.rebooted = False  # since it was configured
         self._answered = math.nan  # s, monotonic, of its last answer to SYNC since it was configured
+        self.walking = False  # on the way to power
         self.serving = False  # enabled, and not asked to stop
         self.proving = False  # enabled, but it has not shown its mode yet
         self._heard = math.nan  # s, monotonic, when its heartbeat was last heard
@@ -58,7 +62,12 @@ class Reports:
         after = not answered or self._heard > self._answered
         unshown = fault_texts.UNSHOWN_MODE.filled(self.watch.last_mode) if self.proving else None
         return DriveSigns(
-            self.problem or unshown, self.emergency, answered, age, self._nmt, after and age < YOUNG_HEARTBEAT
+            self.problem or unshown or self.brake.problem,
+            self.emergency,
+            answered,
+            age,
+            self._nmt,
+            after and age < YOUNG_HEARTBEAT,
         )
 
     def fault(self, statusword: int) -> Fault:
@@ -92,11 +101,13 @@ class Reports:
             self.emergency = emergency if emergency.code & 0xFF00 else None
         elif identifier == HEARTBEAT + node:
             self._hear(raw[8])
-        elif identifier == SDO_ANSWER + node and (self.serving or self.proving):
-            self.problem = self.watch.mode(raw[8:16]) or self.problem
+        elif identifier == SDO_ANSWER + node:
+            self.brake.hear(raw[8:16])
+            if self.serving or self.proving:
+                self.problem = self.watch.mode(raw[8:16]) or self.problem
         elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
             self.problem = fault_texts.OTHER_MAPPING.filled(raw[4], self._answer.head[4])
-        elif self.serving:
+        elif self.serving or self.walking:
             self._notice_other_controller(identifier, raw)
 
     def _hear(self, state: int) -> None:
@@ -113,6 +124,8 @@ class Reports:
             self.problem = fault_texts.OTHER_CONTROLLER.filled(said)
         elif identifier == RPDO + self._node:
             self.problem = fault_texts.OTHER_CONTROLLER.filled("its command (RPDO) to this drive was seen")
+        elif identifier == SYNC:  # the drive answers each: at twice the rate, and half of it for another one's time
+            self.problem = fault_texts.OTHER_CONTROLLER.filled("its SYNC was seen")
 
 
 class DriveLine:
@@ -154,14 +167,15 @@ class DriveLine:
 
     def write(self, index: int, subindex: int, value: int) -> None:
         """Write an object by SDO without waiting for the answer."""
-        with contextlib.suppress(OSError):
-            self._bus.send(
-                frame(SDO_REQUEST + self._node, _WRITE.pack(_SIZES.get(index, _LONG), index, subindex, value))
-            )
+        self._request(_SIZES.get(index, _LONG), index, subindex, value)
 
-    def set_brake(self, engaged: bool) -> None:
-        """Set or release a brake at the drive's digital outputs, without waiting for the answer."""
-        self.write(cia402.DIGITAL_OUTPUTS, 1, cia402.BRAKE_BIT * engaged)
+    def read(self, index: int, subindex: int) -> None:
+        """Ask for an object by SDO without waiting for the answer."""
+        self._request(_READ, index, subindex, 0)
+
+    def _request(self, *fields: int) -> None:
+        with contextlib.suppress(OSError):
+            self._bus.send(frame(SDO_REQUEST + self._node, _REQUEST.pack(*fields)))
 
     def ask_for_mode(self, now: float) -> None:
         """Ask for 0x6061 by SDO each MODE_PERIOD.  Raises OSError."""

@@ -82,7 +82,7 @@ class DriveReader(PlainSdo):
             self.write(_OFF, cia402.CONTROLWORD)
 
 
-_QUICK_STOP, _FAULT, _COASTS = 3, 1, 0  # options of 0x6007; option of 0x605E
+_QUICK_STOP, _FAULT = 3, 1  # options of 0x6007
 _MILLISECONDS = 1e-3
 
 
@@ -101,7 +101,7 @@ class Protection(NamedTuple):
     @property
     def brakes(self) -> bool:
         """By its ramp; False: it cuts the power and the axis coasts."""
-        by_fault = self.reaction == _FAULT and self.fault_reaction not in (None, _COASTS)
+        by_fault = self.reaction == _FAULT and self.fault_reaction in cia402.BRAKING
         return self.reaction == _QUICK_STOP or by_fault
 
 
