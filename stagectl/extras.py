@@ -15,7 +15,6 @@ EXTRAS = {
     "mcap": ("mcap",),
     "mujoco": ("mujoco",),
     "fmu": ("fmpy",),
-    "foxglove": ("foxglove",),
     "exam": ("sklearn",),
 }
 
