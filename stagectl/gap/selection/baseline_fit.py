@@ -18,13 +18,7 @@ from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
-from stagectl.gap.residuals.sensitivities import (
-    Direction,
-    TrackedModel,
-    all_columns,
-    model_residual,
-    residuals_of,
-)
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds

@@ -28,14 +28,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited
 from stagectl.identification.response.dwells import dwells, injected
 from stagectl.identification.response.sampling_correction import Complex, sampling_correction
-from stagectl.identification.response.spectra import (
-    Spectra,
-    base_frequency,
-    keeps_moving,
-    multisine,
-    signals,
-    sine,
-)
+from stagectl.identification.response.spectra import Spectra, base_frequency, keeps_moving, multisine, signals, sine
 from stagectl.identification.result import Note, Topic
 
 
