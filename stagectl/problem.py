@@ -1,7 +1,5 @@
 """One thing that is wrong with an input: fields for a program, and the sentence for a person that follows from them."""
 
-from __future__ import annotations
-
 import difflib
 import enum
 import errno

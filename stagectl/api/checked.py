@@ -1,7 +1,5 @@
 """Arguments against the types that a function declares: a slip ends at the call, with the argument's name."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import inspect
@@ -43,9 +41,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.cache
     def declared() -> tuple[inspect.Signature, dict[str, Any]]:
-        hints = {name: hint for name, hint in inspect.get_annotations(function).items() if name != "return"}
-        known = function.__globals__
-        return inspect.signature(function), {name: eval(hint, known) for name, hint in hints.items()}
+        hints, known = inspect.get_annotations(function), function.__globals__
+        hints.pop("return", None)  # may be known to a type checker alone
+        read = {name: eval(hint, known) if isinstance(hint, str) else hint for name, hint in hints.items()}
+        return inspect.signature(function), read
 
     @functools.wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:

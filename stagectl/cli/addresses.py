@@ -1,7 +1,5 @@
 """The address that ``--tcp`` names: HOST:PORT of a service's page."""
 
-from __future__ import annotations
-
 import ipaddress
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The way of a drive to its first power and beyond: `drive accept` with the page that it leaves, and `commission`."""
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commands about one drive: probe, presets, dump, accept, verify."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Commands about faults: inject, selftest."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 from typing import Annotated, Any

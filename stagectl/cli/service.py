@@ -1,7 +1,5 @@
 """Commands of the service: serve, and requests to a running one: status, enable, home, move, stop, fault ..."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The wire of a stage to its drive, and the same stage on another one."""
 
-from __future__ import annotations
-
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen, DriveError
 

@@ -11,8 +11,6 @@
     Diagnosis
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """From the friction that a method has found to compensators in the stage file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

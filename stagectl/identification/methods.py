@@ -1,7 +1,5 @@
 """The methods by the names that a user types, and the JSON form of their results."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The simulators that a stage can be exported to, what an export gives, and what a format cannot hold."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from collections.abc import Iterator, Mapping, Set

@@ -1,7 +1,5 @@
 """A stage as a MuJoCo model, tried there at once."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from typing import Any

@@ -15,8 +15,6 @@ The control is the current that the law commands, in A; positions are in the axi
 Source of the elements: MuJoCo's XML reference, `actuator/general` and `actuator/dcmotor`, version 4.0.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """MATLAB files as logs: our own exports, the EMPS benchmark's layout, and variables that say what they are."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

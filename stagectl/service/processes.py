@@ -1,7 +1,5 @@
 """The service's processes: their orders at their start, who keeps them alive, and the meaning of their exit codes."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Callable

@@ -13,8 +13,6 @@
 It comes up without power, whatever it did before.  The fault list names what ended it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import collections
 import contextlib

@@ -4,8 +4,6 @@ A datagram needs no connection, so nobody can take all of them.  Each client bri
 does not read it holds up nobody, and nobody else can answer in place of the stop path.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import socket

@@ -17,8 +17,6 @@ At the end each effect is left out of the feedforward in turn: that gives its sh
 without which the error is smaller is dropped from the feedforward (`control.unanswered`); the model keeps it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

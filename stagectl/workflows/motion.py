@@ -1,7 +1,5 @@
 """From two YAML files to a result: what `run`, `simulate` and the trials share."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """The library: every effect by its name, and what the records say of several of them."""
 
-from __future__ import annotations
-
 import functools
 import operator
 import tomllib

@@ -1,7 +1,5 @@
 """One experiment: a motion made for a stage, and what it separates."""
 
-from __future__ import annotations
-
 import functools
 import textwrap
 from collections.abc import Callable, Mapping

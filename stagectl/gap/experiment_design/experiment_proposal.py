@@ -10,8 +10,6 @@
 First all promising experiments with the nuisances taken as linear, then the best of them with the nuisances refitted.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -1,7 +1,5 @@
 """What is said below the figures of a diagnosis, in lines: notes, limits, what is ambiguous, the next experiment."""
 
-from __future__ import annotations
-
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.result.verdict_text import MOST, candidates, capital

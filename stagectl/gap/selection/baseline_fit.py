@@ -5,8 +5,6 @@ it helps, one bristle next to them are fitted by Gauss-Newton on the tracked mod
 a nuisance: no effect may be named for what another law of the family explains.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 Each member is fitted as `fit` describes, and compared as `comparison` does.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

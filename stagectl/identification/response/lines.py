@@ -14,8 +14,6 @@ The lines are corrected for the sampling (`sampling_correction`).
 Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2012, chapters 2 and 4.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The steps in their order, each with a person's go-ahead; nothing moves after the first one that fails."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from datetime import datetime
