@@ -80,8 +80,7 @@ def accept(
     """
     without_compiler()
     require("report", "the signed page")
-    from stagectl.config.stage_file import load_stage
-    from stagectl.config.wire import on_channel
+    from stagectl.config.stage_file import load_stage, on_channel
     from stagectl.workflows.acceptance.page import BUT_VIRTUAL, free_places, write_pages
     from stagectl.workflows.acceptance.protocol import Signatory, virtual
     from stagectl.workflows.acceptance.protocol import accept as perform

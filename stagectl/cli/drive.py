@@ -32,8 +32,7 @@ def dump(
     Example: stagectl drive dump config/ball-screw.yaml -o drive.dcf
     """
     without_compiler()
-    from stagectl.config.stage_file import load_stage
-    from stagectl.config.wire import on_channel
+    from stagectl.config.stage_file import load_stage, on_channel
     from stagectl.drives.canopen.dump import dump as read
     from stagectl.drives.canopen.dump import write_dcf
     from stagectl.workflows.motion import line_of
@@ -78,9 +77,8 @@ def probe(
     Example: stagectl drive probe config/ball-screw.yaml
     """
     without_compiler()
-    from stagectl.config.stage_file import load_stage
+    from stagectl.config.stage_file import load_stage, on_channel
     from stagectl.config.time_outs import axis_limits
-    from stagectl.config.wire import on_channel
     from stagectl.drives.canopen.probe import probe as ask
     from stagectl.workflows.motion import line_of
 

@@ -80,7 +80,7 @@ class Simulator(NamedTuple):
 
 
 SIMULATORS = {
-    "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", "mujoco_export:to_mujoco"),
+    "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", "mujoco_model:to_mujoco"),
     "fmu": Simulator("an FMU", ".fmu", "fmu", "fmu.archive:to_fmu"),
     "isaac": Simulator("a configuration of Isaac Lab", ".py", "", "isaac_lab:to_isaac"),
 }

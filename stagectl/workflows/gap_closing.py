@@ -24,8 +24,7 @@ from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
 from stagectl.config.patch import patched
 from stagectl.config.source import read_text
-from stagectl.config.stage_file import Setup, load_stage
-from stagectl.config.wire import lasting
+from stagectl.config.stage_file import Setup, lasting, load_stage
 from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import EFFECTS, answered, coordinate_label, label
 from stagectl.gap.experiment_design.battery import battery, held_out

@@ -6,8 +6,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from stagectl.config.stage_file import Setup
-from stagectl.config.wire import canopen
+from stagectl.config.stage_file import Setup, canopen
 from stagectl.recording.metadata import versions
 from stagectl.units import StageError
 from stagectl.workflows.acceptance import steps
