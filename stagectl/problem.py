@@ -22,6 +22,12 @@ def nearest(word: str, known: Sequence[str]) -> str:
     return next(itertools.chain(same, difflib.get_close_matches(word, known, 1)), "")
 
 
+def meant(word: str, known: Sequence[str], otherwise: str = "must be one of") -> str:
+    """``did you mean sine?``; where no known name is like the mistyped `word`, `otherwise` and all of them."""
+    near = nearest(word, known)
+    return f"did you mean {near}?" if near else f"{otherwise} {', '.join(known)}"
+
+
 def absent(path: Path) -> str:
     """What to say of a file that is not there: ``no such file or folder: did you mean config/ball-screw.yaml?``."""
     if path.is_dir():

@@ -10,7 +10,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 from stagectl.api.arguments import ArgumentError
-from stagectl.problem import nearest
+from stagectl.problem import meant
 from stagectl.units import quantity_of
 
 _SHORT = 40  # characters of a value that a message repeats
@@ -64,9 +64,7 @@ def _known(function: str, signature: inspect.Signature, given: Mapping[str, Any]
     names = [name for name in signature.parameters if name != "self"]
     for name in given if inspect.Parameter.VAR_KEYWORD not in kinds else ():
         if name not in names:
-            near = nearest(name, names)
-            hint = f"did you mean {near}?" if near else f"it takes {', '.join(names)}"
-            raise ArgumentError(name, "", f"is no argument of {function}: {hint}")
+            raise ArgumentError(name, "", f"is no argument of {function}: {meant(name, names, 'it takes')}")
 
 
 def _few_enough(function: str, signature: inspect.Signature, hints: Mapping[str, Any], given: Sequence[Any]) -> None:
