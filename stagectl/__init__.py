@@ -103,8 +103,6 @@ contracts are in pyproject.toml and ``tools/check`` enforces them.
 **From Python**: the nine functions below, each in `api/`; the command line is made of the same ones.
 """
 
-from __future__ import annotations
-
 import sys
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """What a run achieved, from its rows: the numbers that `run` and `simulate` report."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

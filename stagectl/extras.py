@@ -1,7 +1,5 @@
 """What ``pip install stagectl`` leaves out: packages that a running axis and the simulator do not need."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from typing import Any
 
@@ -15,7 +13,6 @@ EXTRAS = {
     "mcap": ("mcap",),
     "mujoco": ("mujoco",),
     "fmu": ("fmpy",),
-    "foxglove": ("foxglove",),
     "exam": ("sklearn",),
 }
 

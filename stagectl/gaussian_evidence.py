@@ -8,8 +8,6 @@ Sources: MacKay, Information Theory, Inference, and Learning Algorithms, 2003, c
 T. van Ommen, Bayesian Analysis 12(4), 2017.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

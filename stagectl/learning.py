@@ -22,8 +22,6 @@ Source: D. A. Bristow, M. Tharayil, A. G. Alleyne, IEEE Control Systems Magazine
 model: T. Takemura, H. Fujimoto, IECON 2010.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Any, NamedTuple
 

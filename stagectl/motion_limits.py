@@ -1,7 +1,5 @@
 """What a stage forbids: checks of a motion's travel, speed, acceleration, current and duration before it begins."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import NamedTuple

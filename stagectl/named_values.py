@@ -1,7 +1,5 @@
 """Values by their names, as an option of a command line holds them."""
 
-from __future__ import annotations
-
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 

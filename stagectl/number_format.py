@@ -1,7 +1,5 @@
 """Numbers on screens and pages: a prefix that fits, and as many digits as carry information."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol

@@ -11,8 +11,6 @@ one false verdict below 5 %.  The intervals are not adjusted.
 Source: D. C. Montgomery, Design and Analysis of Experiments, chapters 2 and 4; S. Holm, Scand. J. Statistics 6, 1979.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """One function over many items at once: kernels release the interpreter lock, so that threads use all cores."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor

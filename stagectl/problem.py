@@ -1,7 +1,5 @@
 """One thing that is wrong with an input: fields for a program, and the sentence for a person that follows from them."""
 
-from __future__ import annotations
-
 import difflib
 import enum
 import errno
@@ -22,6 +20,12 @@ def nearest(word: str, known: Sequence[str]) -> str:
     """The known name that a mistyped `word` is most like, but for its case; empty where it is like none."""
     same = (name for name in known if name.casefold() == word.casefold())
     return next(itertools.chain(same, difflib.get_close_matches(word, known, 1)), "")
+
+
+def meant(word: str, known: Sequence[str], otherwise: str = "must be one of") -> str:
+    """``did you mean sine?``; where no known name is like the mistyped `word`, `otherwise` and all of them."""
+    near = nearest(word, known)
+    return f"did you mean {near}?" if near else f"{otherwise} {', '.join(known)}"
 
 
 def absent(path: Path) -> str:

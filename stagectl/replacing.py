@@ -3,8 +3,6 @@
 And how: the new one is written beside the old one and takes its place at the end.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import json

@@ -4,8 +4,6 @@ An AF_UNIX address holds 107 bytes (unix(7), sun_path), fewer than many paths ha
 short: ``/proc/self/fd/7/control.sock`` (proc(5)).
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import tempfile

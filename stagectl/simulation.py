@@ -1,7 +1,5 @@
 """A whole run in closed loop, faster than real time: the same law, the same rows as on a machine."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable
 from typing import Any, SupportsFloat

@@ -10,8 +10,6 @@
     str, bool, None              themselves
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import types

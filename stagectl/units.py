@@ -9,8 +9,6 @@ rotary and a linear axis differ, the unit names both, rotary first.  The angle i
 1 rad/s, and 1 N m is not 1 N m/rad.
 """
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 import functools

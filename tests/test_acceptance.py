@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from stagectl.config.stage_file import Setup, load_stage
-from stagectl.config.wire import on_channel
+from stagectl.config.stage_file import Setup, load_stage, on_channel
 from stagectl.drives.drive import DriveError
 from stagectl.motion_limits import LimitError
 from stagectl.units import StageError

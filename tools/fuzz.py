@@ -3,8 +3,6 @@
 python tools/fuzz.py [FRAMES] [SEED]
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

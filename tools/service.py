@@ -5,8 +5,6 @@ motion; the drive must stop within its time-out, every file be readable, the ser
 `queries`: a thousand status queries a second beside the loop, in turns with none, and how late its cycles begin.
 """
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

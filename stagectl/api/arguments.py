@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar, overload
 
-from stagectl.problem import nearest
+from stagectl.problem import meant
 from stagectl.units import Quantity, StageError, UnitError, parse, unit_in
 
 if TYPE_CHECKING:
@@ -74,12 +74,10 @@ def switched_off(without: str | Iterable[str], compensator: str = "model") -> fr
 
         for name in unknown:
             if name not in answered():
-                near = nearest(name, (*known, *answered()))
                 if "," in name:
                     each = " ".join(f"--without {one.strip()}" for one in name.split(","))
                     raise ArgumentError("without", name, f": name each by itself: {each}")
-                hint = f": did you mean {near}?" if near else f"; must be one of {', '.join((*known, *answered()))}"
-                raise ArgumentError("without", name, hint)
+                raise ArgumentError("without", name, f": {meant(name, (*known, *answered()))}")
     return frozenset("friction" if name == compensator else name for name in names)
 
 
@@ -92,8 +90,7 @@ def entry(name: str, word: str, known: Mapping[str, Value]) -> Value:
     """What `known` holds under a `word`.  Raises ArgumentError with the nearest of its words, or all."""
     if word in known:
         return known[word]
-    near = nearest(word, list(known))
-    raise ArgumentError(name, word, f": did you mean {near}?" if near else f"; must be one of {', '.join(known)}")
+    raise ArgumentError(name, word, f": {meant(word, list(known))}")
 
 
 ProgressOption = bool | Callable[[float, float], object]  # True: a bar; a function of (steps done, steps in all)

@@ -1,7 +1,5 @@
 """Arguments against the types that a function declares: a slip ends at the call, with the argument's name."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import inspect
@@ -12,7 +10,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 from stagectl.api.arguments import ArgumentError
-from stagectl.problem import nearest
+from stagectl.problem import meant
 from stagectl.units import quantity_of
 
 _SHORT = 40  # characters of a value that a message repeats
@@ -43,9 +41,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.cache
     def declared() -> tuple[inspect.Signature, dict[str, Any]]:
-        hints = {name: hint for name, hint in inspect.get_annotations(function).items() if name != "return"}
-        known = function.__globals__
-        return inspect.signature(function), {name: eval(hint, known) for name, hint in hints.items()}
+        hints, known = inspect.get_annotations(function), function.__globals__
+        hints.pop("return", None)  # may be known to a type checker alone
+        read = {name: eval(hint, known) if isinstance(hint, str) else hint for name, hint in hints.items()}
+        return inspect.signature(function), read
 
     @functools.wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -65,9 +64,7 @@ def _known(function: str, signature: inspect.Signature, given: Mapping[str, Any]
     names = [name for name in signature.parameters if name != "self"]
     for name in given if inspect.Parameter.VAR_KEYWORD not in kinds else ():
         if name not in names:
-            near = nearest(name, names)
-            hint = f"did you mean {near}?" if near else f"it takes {', '.join(names)}"
-            raise ArgumentError(name, "", f"is no argument of {function}: {hint}")
+            raise ArgumentError(name, "", f"is no argument of {function}: {meant(name, names, 'it takes')}")
 
 
 def _few_enough(function: str, signature: inspect.Signature, hints: Mapping[str, Any], given: Sequence[Any]) -> None:

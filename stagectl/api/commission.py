@@ -27,8 +27,7 @@ from stagectl.api.result import ReportedResult
 from stagectl.api.stage import DesignedStage, load_stage
 from stagectl.api.tuning import TunedGains, tune
 from stagectl.config import stage_file
-from stagectl.config.stage_file import Setup
-from stagectl.config.wire import lasting, on_channel, with_machine_of_the_day
+from stagectl.config.stage_file import Setup, lasting, on_channel, with_machine_of_the_day
 from stagectl.gap.experiment_design.battery import battery
 from stagectl.gap.experiment_design.experiment import yaml_of
 from stagectl.gap.experiment_design.unseen import unseen

@@ -4,8 +4,6 @@ A virtual CANopen drive with the ball-screw stage inside is one process, the con
 the paper runs without and with friction compensation, is recorded, and all of it ends in one page.
 """
 
-from __future__ import annotations
-
 import tempfile
 from functools import partial
 from pathlib import Path

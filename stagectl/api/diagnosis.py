@@ -28,7 +28,7 @@ from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffect, Gap, NextExperiment, Spans
 from stagectl.gap.steps import in_percent
 from stagectl.kernels.stage import Mechanics, Motor
-from stagectl.problem import nearest
+from stagectl.problem import meant
 from stagectl.units import LINEAR, ROTARY, StageError, parse
 
 if TYPE_CHECKING:
@@ -236,9 +236,7 @@ def _check_model(model: Mapping[str, float | str]) -> None:
     """Raises ArgumentError for a name that is not known or missing, and for a text where a number in SI belongs."""
     for name, value in model.items():
         if name not in STAGE_KEYS:
-            near = nearest(name, STAGE_KEYS)
-            hint = f"did you mean {near}?" if near else f"must be one of {', '.join(STAGE_KEYS)}"
-            raise ArgumentError("model", name, f" is not known: {hint}")
+            raise ArgumentError("model", name, f" is not known: {meant(name, STAGE_KEYS)}")
         if isinstance(value, str) and name not in STAGE_WORDS:
             reason = f"; must be a number in SI, without its unit{_in_si(name, value, str(model.get('kind')))}"
             raise ArgumentError("model", f"{name} = {value}", reason)

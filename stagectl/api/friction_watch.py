@@ -1,7 +1,5 @@
 """`watch_friction`: the friction compensation of a running service, kept current."""
 
-from __future__ import annotations
-
 import contextlib
 import tempfile
 import time

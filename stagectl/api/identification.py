@@ -19,7 +19,7 @@ from stagectl.config.patch import Change, write
 from stagectl.extras import require
 from stagectl.identification import capture_checks, captures, methods
 from stagectl.identification.capture import Capture
-from stagectl.identification.compensators import with_compensators
+from stagectl.identification.methods import with_compensators
 from stagectl.identification.result import IdentificationResult, Parameter, Topic, biases, topics
 from stagectl.units import Quantity, StageError
 

@@ -1,7 +1,5 @@
 """The command line: one module a group of verbs, each thin: read, call, show."""
 
-from __future__ import annotations
-
 INTERRUPTED = 130  # exit code after Ctrl-C: 128 and the number of SIGINT
 
 

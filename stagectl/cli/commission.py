@@ -1,7 +1,5 @@
 """The way of a drive to its first power and beyond: `drive accept` with the page that it leaves, and `commission`."""
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path
@@ -84,8 +82,7 @@ def accept(
     """
     without_compiler()
     require("report", "the signed page")
-    from stagectl.config.stage_file import load_stage
-    from stagectl.config.wire import on_channel
+    from stagectl.config.stage_file import load_stage, on_channel
     from stagectl.workflows.acceptance.page import BUT_VIRTUAL, free_places, write_pages
     from stagectl.workflows.acceptance.protocol import Signatory, virtual
     from stagectl.workflows.acceptance.protocol import accept as perform

@@ -1,7 +1,5 @@
 """Verbs that run one motion many times: learn, compare, effects."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

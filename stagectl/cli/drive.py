@@ -1,7 +1,5 @@
 """Commands about one drive: probe, presets, dump, accept, verify."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,8 +32,7 @@ def dump(
     Example: stagectl drive dump config/ball-screw.yaml -o drive.dcf
     """
     without_compiler()
-    from stagectl.config.stage_file import load_stage
-    from stagectl.config.wire import on_channel
+    from stagectl.config.stage_file import load_stage, on_channel
     from stagectl.drives.canopen.dump import dump as read
     from stagectl.drives.canopen.dump import write_dcf
     from stagectl.workflows.motion import line_of
@@ -80,9 +77,8 @@ def probe(
     Example: stagectl drive probe config/ball-screw.yaml
     """
     without_compiler()
-    from stagectl.config.stage_file import load_stage
+    from stagectl.config.stage_file import load_stage, on_channel
     from stagectl.config.time_outs import axis_limits
-    from stagectl.config.wire import on_channel
     from stagectl.drives.canopen.probe import probe as ask
     from stagectl.workflows.motion import line_of
 

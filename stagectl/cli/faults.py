@@ -1,7 +1,5 @@
 """Commands about faults: inject, selftest."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,8 +31,7 @@ def inject(
         _show(json)
         return
     from stagectl.config.fault_words import read_fault
-    from stagectl.config.stage_file import load_stage
-    from stagectl.config.wire import canopen, on_channel
+    from stagectl.config.stage_file import canopen, load_stage, on_channel
     from stagectl.drives.faults import FAULT_TYPES
     from stagectl.drives.virtual.inject import ask, check_stage, socket_path
 
@@ -74,8 +71,7 @@ def selftest(
     without_compiler()
     if report is not None:
         require("report", "--report")
-    from stagectl.config.stage_file import load_stage
-    from stagectl.config.wire import canopen
+    from stagectl.config.stage_file import canopen, load_stage
     from stagectl.selftest import matrix, remote
     from stagectl.workflows.motion import drive_present
 

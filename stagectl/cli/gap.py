@@ -1,7 +1,5 @@
 """The command group `gap`, with the commands that move a machine: record and close."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from stagectl.cli.options import Columns, Json, argument, option
 from stagectl.cli.show import console, emit, single_threaded_algebra, typed, typed_files
@@ -12,6 +12,9 @@ from stagectl.named_values import pairs
 from stagectl.problem import Problem, ProblemKind
 from stagectl.replacing import PAGE, check_folder_to_be, check_replaceable
 from stagectl.units import StageError
+
+if TYPE_CHECKING:
+    from stagectl.api.diagnosis import GapDiagnosis
 
 _EXAMPLE = "kind=rotary,force_constant=0.05,inertia=1e-4"
 
@@ -81,7 +84,6 @@ def diagnose(
     single_threaded_algebra()
     require("report", "the page")
     import stagectl as sc
-    from stagectl.cli.gap_show import show
     from stagectl.gap.result.result_json import save
     from stagectl.report.page import write
 
@@ -106,5 +108,17 @@ def diagnose(
     if json is not None:
         emit(answer.to_json(), json)
     if json is None or str(json) != "-":
-        show(answer.diagnosis, target)
+        show(answer, target)
         console.print(f"{path}\n{stored}")
+
+
+def show(answer: GapDiagnosis, folder: Path) -> None:
+    """Print what makes the logs doubtful, the diagnosis, and the commands that follow it in `folder`."""
+    found = answer.diagnosis
+    for doubt in found.doubts:
+        console.print(f"doubtful data: {doubt}", style="bold")
+    console.print(str(answer))
+    if found.next_experiment is not None and found.next_experiment.trajectory:
+        console.print(f"stagectl gap next {folder}", style="bold")
+    if any(effect.fields for effect in found.named):
+        console.print(f"stagectl gap apply {folder} STAGE.yaml", style="bold")

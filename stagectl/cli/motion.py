@@ -131,8 +131,7 @@ def virtual_drive(
     Example: stagectl virtual-drive config/ball-screw.yaml
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")  # compiled, its plant is lighter on the machine
-    from stagectl.config.stage_file import load_stage
-    from stagectl.config.wire import canopen, on_channel, with_machine_of_the_day
+    from stagectl.config.stage_file import canopen, load_stage, on_channel, with_machine_of_the_day
     from stagectl.drives.drive import Odrive
     from stagectl.realtime.scheduling import follow_parent
     from stagectl.service.shutdown_signals import heard

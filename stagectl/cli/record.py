@@ -1,7 +1,5 @@
 """The command `record`: rows of a running service as a file."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Annotated, Any

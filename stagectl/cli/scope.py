@@ -4,8 +4,6 @@ A capture is lines of text: a lane for each channel, with its range and its unit
 columns and four rows of dots, which show the range of each column.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The words of every command: as it takes them, and what to say of those that it does not; streams that are closed."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Verbs of the optional distribution ``stagectl-studies`` (tools/studies)."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from importlib.util import find_spec
 

@@ -4,8 +4,6 @@ The curve is the force over the displacement since a full reversal, at speed: wi
 bristle's own damping, which a curve over displacement cannot hold.  GMS takes Stribeck's rise over from the law.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The compensators by their names: the stage's friction model, the ball-screw paper's, and the slider's forms."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

@@ -13,8 +13,6 @@ A crossing lies between two samples: the velocity is interpolated linearly, whic
 acceleration; at the edge of a standstill it is extrapolated from the moving side.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

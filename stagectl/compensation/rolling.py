@@ -20,8 +20,6 @@ Source: Simultaneous Identification ..., section V (table, after its reference [
 [2]); the laws themselves are in `kernels.friction` and `kernels.friction_memory`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np

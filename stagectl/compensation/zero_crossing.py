@@ -30,8 +30,6 @@ Source: the friction paper of the linear slider, sections 3.1 and 3.2.  The avai
 are a reconstruction from its description (continuous, exponential, three parameters t1, t2, Cs).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
 

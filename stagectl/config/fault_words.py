@@ -1,7 +1,5 @@
 """A fault as words on a command line, read as strictly as one in a stage file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """The friction of a stage file: which law, and the plant's parameters that follow from it."""
 
-from __future__ import annotations
-
 import types
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_type_hints

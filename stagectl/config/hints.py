@@ -1,7 +1,5 @@
 """Reads the type hints of fields, which are the whole schema of configuration files."""
 
-from __future__ import annotations
-
 import types
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 

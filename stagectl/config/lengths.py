@@ -1,7 +1,5 @@
 """Conversion of lengths and angles on an axis: positions of a ball screw, a rotary axis, may be written as lengths."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Every value is checked against the `Quantity` of its field.  Every problem has i
 that was found and what is admissible.  All problems of a file are reported together.  Unknown keys are errors.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 from collections.abc import Callable

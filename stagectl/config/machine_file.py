@@ -9,8 +9,6 @@
 ``machine.yaml#x`` is the stage file of the axis x wherever a stage file is expected.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

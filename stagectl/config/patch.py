@@ -6,8 +6,6 @@ The file is replaced in one step, and only after the new one has been read and i
 be refused is never written.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """JSON schema of the configuration files, from the same type hints that the loader reads."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args, get_origin

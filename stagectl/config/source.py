@@ -3,8 +3,6 @@
 Only nodes are composed, never objects: no tag of a file can make Python do anything.
 """
 
-from __future__ import annotations
-
 import errno
 import re
 import reprlib

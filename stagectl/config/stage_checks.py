@@ -1,7 +1,5 @@
 """What entries of a stage file must hold together, although each is admissible by itself; what looks like a slip."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ The free distance is how far the axis may go beyond either end of its travel.  W
 limit leaves room for a stop at once; what a time-out costs on top of it must fit beside the travel.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """The trajectory file: ``type: sine`` and its numbers, or a sequence of such blocks."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import math

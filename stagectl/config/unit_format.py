@@ -1,7 +1,5 @@
 """A value as the user of a configuration file would write it: in the unit of the old text, or one that reads well."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import re

@@ -1,7 +1,5 @@
 """Whether the wire to the drive can carry a cycle every control period, and whether it carries what the cycle needs."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

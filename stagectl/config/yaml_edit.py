@@ -1,7 +1,5 @@
 """Characters of a YAML text changed at the marks of its nodes, and nothing else: comments and line breaks stay."""
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The control settings of a stage file, and the feedback that follows: PID by pole placement, or a cascade."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Iterator

@@ -9,8 +9,6 @@ are differences of numbers that agree to all their digits, in powers of w they a
 Source: R. H. Middleton, G. C. Goodwin, IEEE Trans. Automatic Control 31(11), 1986 (delta operator).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -11,8 +11,6 @@ r"""A holding brake: the block `brake` of a stage file, and what its times mean.
 The brake is applied by springs: without current it holds.  It is no safety function: see `docs/faults.md`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, NamedTuple
 
 from stagectl.units import Quantity

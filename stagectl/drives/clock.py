@@ -1,7 +1,5 @@
 """Clocks: the machine's monotonic clock, and one that runs at another rate."""
 
-from __future__ import annotations
-
 import time
 from typing import Protocol
 

@@ -5,8 +5,6 @@ line (slcan, the text protocol of Lawicel) sends a standard frame of n bytes as 
 A cycle of an ODrive is question, answer and command, and now and then the question for its state, as lines of text.
 """
 
-from __future__ import annotations
-
 CHARACTER_BITS = 10  # of a character on a serial line: start, eight, stop
 CYCLE = (0, 8, 8)  # data bytes of SYNC, answer and command
 _BESIDE = (1, 8, 8)  # of a heartbeat, and of a question by SDO and its answer

@@ -9,8 +9,6 @@ One control period, as every drive sees it::
 `sample` and `apply` never raise: `Feedback.fault` holds the failure, and the loop's safety alone decides.
 """
 
-from __future__ import annotations
-
 import enum
 import math
 from typing import Annotated, Literal, NamedTuple, Protocol

@@ -7,8 +7,6 @@ Stop categories are those of IEC 60204-1: 0 power removed at once, the axis coas
 2 braked, power stays.  `None`: the motion goes on.
 """
 
-from __future__ import annotations
-
 import collections
 from typing import Annotated, Any, Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """How an axis finds where it is after power-on: the block `homing` of a stage file."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, NamedTuple
 
 from stagectl.drives.limits import HOMING_GRACE, SLOW_SHARE

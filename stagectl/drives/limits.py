@@ -4,8 +4,6 @@ Object indices, bit masks, abort codes and widths of formats are not here: they 
 "chosen" means: set by judgement, not derived.
 """
 
-from __future__ import annotations
-
 # The controller's side of a CANopen drive (canopen/drive.py, power_states.py)
 ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, and a brake's release besides
 FOUND_POWER_TIME = 1.0  # s; chosen; for the ramp of a drive found under power, and again for the end of its power

@@ -12,8 +12,6 @@ the direction of motion until its time-out is over, then stops by its own ramp::
 Compared with a stop that begins at once, v0^2/(2 b), the time-out costs  (1 + a/b) (v0 T + a T^2/2).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

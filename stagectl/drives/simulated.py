@@ -1,7 +1,5 @@
 """The stage model behind the drive protocol, in process; and the plant that the virtual node carries."""
 
-from __future__ import annotations
-
 import math
 import random
 

@@ -11,8 +11,6 @@
     Diagnosis
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -44,13 +42,7 @@ from stagectl.gap.result.diagnosis import (
     UnknownTerm,
 )
 from stagectl.gap.result.verdict_text import sentence
-from stagectl.gap.selection import (
-    bristle_shape,
-    candidates,
-    null_ensemble,
-    refine,
-    select,
-)
+from stagectl.gap.selection import bristle_shape, candidates, null_ensemble, refine, select
 from stagectl.gap.selection.linearised import Library, library_of
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection

@@ -1,7 +1,5 @@
 """The steps of a diagnosis, and the time that each of them takes."""
 
-from __future__ import annotations
-
 import enum
 import time
 from collections.abc import Callable

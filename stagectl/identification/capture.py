@@ -1,7 +1,5 @@
 """One record of a motion as an identification reads it, and the error that refuses it."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType

@@ -4,8 +4,6 @@ The stage file is the measure: its limits, its encoder, and its model.  Nominal 
 without a complaint.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Mapping, Sequence

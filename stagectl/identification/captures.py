@@ -1,7 +1,5 @@
 """From recordings to captures that an identification can use: columns chosen, gaps split, doubts noted."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

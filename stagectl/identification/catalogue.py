@@ -1,7 +1,5 @@
 """The methods by the names that a user types.  Nothing is imported here: the help of `identify` lists them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

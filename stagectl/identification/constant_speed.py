@@ -16,8 +16,6 @@ span weighted by its duration.  Spans of constant speed are found in the positio
 Source: Simultaneous Identification ..., section IV.A.1 and Fig. 5.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import Any, NamedTuple

@@ -15,8 +15,6 @@ Source: M. Gautier, P. Poignet, Extended Kalman filtering and weighted least squ
 Control Engineering Practice 9(12), 2001.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import NamedTuple

@@ -16,8 +16,6 @@ that a bundle of stop operators makes, and compensates a partial reversal or a s
 Source: Simultaneous Identification ..., section IV.A.2 and Fig. 6 (50 um, 0.05 Hz, closed loop); `kernels.friction`.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import Any, NamedTuple

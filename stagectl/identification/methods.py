@@ -1,12 +1,12 @@
 """The methods by the names that a user types, and the JSON form of their results."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from stagectl.compensation.rolling import FORMS
+from stagectl.config.friction_laws import friction_of, law_in
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
@@ -118,3 +118,39 @@ def _table(table: Characteristic, setup: Setup) -> dict[str, Any]:
     length, force = (unit_on(setup.file.axis.kind, units) for units in ("rad | m", "N m | N"))
     units = {"displacement": length, "force": force, "weight": force, "slip": length}
     return {**plain(table), "units": units}
+
+
+def with_compensators(
+    result: IdentificationResult, method: str, acting: str | None, compared: Sequence[str]
+) -> IdentificationResult:
+    """`result` whose changes hold the compensator that is `acting`, and those to be `compared`, by their names.
+
+    Raises IdentificationError for a name that is none, and where `method` writes no friction into the stage file.
+    """
+    wanted = [*([acting] if acting else []), *compared]
+    if not wanted:
+        return result
+    for name in wanted:
+        if name not in FORMS:
+            text = f"no compensator {name!r} can be made of a friction law; there are {', '.join(FORMS)}"
+            raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=name, admissible=", ".join(FORMS))
+    if "friction" not in result.changes:
+        raise IdentificationError(
+            f"{method} writes no friction into the stage file, so no compensator is made of it; take simultaneous, "
+            "low-speed or friction-models, and a motion with reversals",
+            Refusal.UNKNOWN_OPTION,
+            value=", ".join(wanted),
+        )
+    return result._replace(changes={**result.changes, **_blocks(result, acting, compared)})
+
+
+def _blocks(result: IdentificationResult, acting: str | None, compared: Sequence[str]) -> dict[str, Any]:
+    from stagectl.compensation import derived  # scipy's parts, which few calls need
+
+    friction = friction_of(law_in(result.changes["friction"]))
+    blocks: dict[str, Any] = {}
+    if acting:
+        blocks["compensation"] = derived.block(acting, friction)
+    for name in compared:
+        blocks[f"compensators.{name}"] = {k: v for k, v in derived.block(name, friction).items() if k != "form"}
+    return blocks

@@ -1,7 +1,5 @@
 """A record as parts of equally spaced rows: gaps split it, slightly irregular time stamps are resampled."""
 
-from __future__ import annotations
-
 import itertools
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The result of an identification, the same for every method: screen, JSON, figures and stage file read it."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Callable, Mapping
 from types import MappingProxyType

@@ -8,8 +8,6 @@ first-order autoregressive.
 Source: W. K. Newey, K. D. West, Econometrica 55(3), 1987; D. W. K. Andrews, Econometrica 59(3), 1991.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

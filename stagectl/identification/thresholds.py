@@ -4,8 +4,6 @@
 origin has that of the line above its group.
 """
 
-from __future__ import annotations
-
 from stagectl.recording.constants import ROWS_TO_USE
 
 # Intervals of 95 %.

@@ -1,7 +1,5 @@
 """The simulators that a stage can be exported to, what an export gives, and what a format cannot hold."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from collections.abc import Iterator, Mapping, Set
@@ -82,7 +80,7 @@ class Simulator(NamedTuple):
 
 
 SIMULATORS = {
-    "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", "mujoco_export:to_mujoco"),
+    "mujoco": Simulator("a MuJoCo model", ".xml", "mujoco", "mujoco_model:to_mujoco"),
     "fmu": Simulator("an FMU", ".fmu", "fmu", "fmu.archive:to_fmu"),
     "isaac": Simulator("a configuration of Isaac Lab", ".py", "", "isaac_lab:to_isaac"),
 }

@@ -13,8 +13,6 @@ Source: PhysX Team, Articulation Joint Friction, April 28, 2025 (documentation o
 clamp of the accumulated impulse; the delay and the effort limit are Isaac Lab's, in its explicit actuators.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any, NamedTuple

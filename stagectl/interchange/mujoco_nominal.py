@@ -9,8 +9,6 @@ force moves the inertia in one time step, the stiffest that this step resolves. 
 of the same limit that fall as far short of it on the way, ``int (1 - F/limit) dx``: a slip of 2 limit/stiffness.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -8,8 +8,6 @@ Operator j holds ``s_j``, the displacement of its spring over its slip, within +
 joint is ``- sum weight_j s_j``.  The states stand in ``data.userdata``: copies and resets of the data keep them right.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

@@ -4,8 +4,6 @@ The commands are a current without feedback, in whole steps of the drive's comma
 close to break-away, and beyond it.  A loop would hide what a model gets wrong.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

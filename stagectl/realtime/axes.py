@@ -7,8 +7,6 @@ kernel also sends when its parent dies: then the axes are stopped first.
 Interpreted kernels, and no other Python thread.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -9,8 +9,6 @@
 Nothing in here raises: what goes wrong is an event.
 """
 
-from __future__ import annotations
-
 import math
 
 from stagectl.drives.drive import Fault

@@ -1,7 +1,5 @@
 """What one axis of the real-time process consists of: its job, drive, law, memory and counts; `axis` lets it act."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -4,8 +4,6 @@ A new law takes over with the current that the old one would give in this period
 difference (bumpless transfer; Astrom and Hagglund, Advanced PID Control, section 3.5, tracking at one instant).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

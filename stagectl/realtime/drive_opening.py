@@ -1,7 +1,5 @@
 """The one place where the real-time process opens a drive, whatever its wire; it brings in what the wire needs."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -1,7 +1,5 @@
 """What the loop accepts, from the stage file: the limits that stand in it, and those that follow from the model."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

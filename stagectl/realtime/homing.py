@@ -5,8 +5,6 @@ error; or the drive does (mode of operation 6), and the host watches.  The place
 period in which the signal came: at 1 mm/s and 2 kHz within 0.5 um.
 """
 
-from __future__ import annotations
-
 from stagectl.drives.drive import Fault, Feedback
 from stagectl.drives.homing import Homing
 from stagectl.realtime import safety

@@ -1,7 +1,5 @@
 """Orders that wait for others, those that wait for nothing: the stops, and those that nobody has ordered."""
 
-from __future__ import annotations
-
 from stagectl.drives.drive import Fault
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.shared_memory import CUT, HOLD, Order

@@ -13,8 +13,6 @@ This is not a safety function: the emergency stop is wired to the drive's STO.  
 `stops`; the limits come from the stage file by `envelope.envelope`.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

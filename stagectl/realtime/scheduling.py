@@ -1,7 +1,5 @@
 """Punctuality, as far as the kernel permits; what it refuses is said."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import gc

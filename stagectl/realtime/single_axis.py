@@ -1,7 +1,5 @@
 """An axis under `run`: it gets power, makes one motion and is left; its ring has the rows of the motion alone."""
 
-from __future__ import annotations
-
 import math
 
 from stagectl.drives.drive import Fault

@@ -3,8 +3,6 @@
 Each returns the event that follows at once, if there is one.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable

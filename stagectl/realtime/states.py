@@ -14,8 +14,6 @@ A drive that is found in Fault leads from CONNECTING to FAULT: faults are reset 
 An event that is not in a state's row is an order that cannot be given there; faults are in every row.
 """
 
-from __future__ import annotations
-
 import enum
 
 from stagectl.drives.drive import Fault

@@ -3,8 +3,6 @@
 Categories as in IEC 60204-1, which names what happens to the power; none of them is a safety function here.
 """
 
-from __future__ import annotations
-
 import enum
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A process beside the loop: its order on standard input, its end with the loop, signals that are not for it."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import select

@@ -7,8 +7,6 @@ Setpoints are an addition of our own exports: with them a loop is simulated agai
 through the reference is another curve than the motion's own formula.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A current that is cut off at a limit, recognised by the corner with which it reaches it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which column of a log is which of ours: by its name with a unit, or by ``--columns``."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path

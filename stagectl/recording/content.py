@@ -1,7 +1,5 @@
 """What a file is by its content: a name can be wrong, and a message that trusts it sends the user round in a circle."""
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Layout of a CSV text: the separator of its columns, and the rows in which header and numbers begin."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import re

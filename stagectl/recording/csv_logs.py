@@ -1,7 +1,5 @@
 """CSV files as logs: a header of quantities and units, our own exports, or columns that the user names."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The numbers of a CSV text, column by column, and where one of them is none."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 from collections.abc import Collection, Iterator

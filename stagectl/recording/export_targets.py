@@ -1,7 +1,5 @@
 """Where an export goes, and which file it may replace: one of ours, by what no other program and no log has."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 

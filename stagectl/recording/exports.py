@@ -4,8 +4,6 @@ Every number keeps all its digits.  Units are in the CSV's header (``reference_r
 metadata, and next to the samples in the MAT file.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Fewer points with no peak lost: the lowest and the highest value of each bucket of rows."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -9,8 +9,6 @@ The lock is one of the open file (`F_OFD_SETLK`): HDF5 gives its own up in SWMR 
 whenever HDF5 closes another descriptor of the file.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

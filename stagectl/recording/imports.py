@@ -3,8 +3,6 @@
 An imported recording has the columns of its log and no others; code that needs a missing one raises an error.
 """
 
-from __future__ import annotations
-
 import hashlib
 import time as clock
 from collections.abc import Mapping

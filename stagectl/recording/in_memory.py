@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
-from stagectl.problem import ProblemKind, nearest
+from stagectl.problem import ProblemKind, meant
 from stagectl.recording.file_lock import RecordingError
 from stagectl.units import Quantity, quantity_of
 
@@ -48,9 +48,7 @@ class Recording(NamedTuple):
             raise RecordingError(reason, self.path, ProblemKind.VALUE)
         if name not in (self.samples.dtype.names or ()):
             names = self.samples.dtype.names or ()
-            near = nearest(name, names)
-            there = f"did you mean {near}?" if near else f"it has {', '.join(names)}"
-            reason = f"{self.path} has no column {name}; {there}"
+            reason = f"{self.path} has no column {name}; {meant(name, names, 'it has')}"
             raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)
         return np.asarray(self.samples[name], dtype=np.float64)
 

@@ -6,8 +6,6 @@ Each ring counts its own rows, from when its drive was connected on; in one peri
     y        |  3 |  4 |  5 |  6 |     but for the moment in which x has written and y has not: then by 5
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 

@@ -8,8 +8,6 @@
     /known     (n,) A, feedforward and friction compensation that act with it
 """
 
-from __future__ import annotations
-
 import io
 import json
 import math

@@ -1,7 +1,5 @@
 """MATLAB files as logs: our own exports, the EMPS benchmark's layout, and variables that say what they are."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,17 +10,7 @@ from scipy.io import loadmat
 
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
-from stagectl.recording.columns import (
-    Array,
-    Choice,
-    Log,
-    check_kind,
-    check_once,
-    choices,
-    of_choices,
-    parsed,
-    unit_of,
-)
+from stagectl.recording.columns import Array, Choice, Log, check_kind, check_once, choices, of_choices, parsed, unit_of
 from stagectl.recording.constants import EMPS_STEP, NEARLY_AS_LONG
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.metadata import flat

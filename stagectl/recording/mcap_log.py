@@ -5,8 +5,6 @@ encapsulation header and its float64 one after the other; fields are named as th
 The recording's own meta is the metadata record ``stagectl``, its configuration files are attachments.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a recording says about itself, in addition to its rows."""
 
-from __future__ import annotations
-
 import datetime
 import functools
 import importlib.metadata

@@ -3,8 +3,6 @@
 What is not known is null or absent, never guessed.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

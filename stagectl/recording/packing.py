@@ -11,8 +11,6 @@ No bit is lost whatever the rows hold: a wrong prediction, as after a change of 
 A prediction that is NaN counts as 0.  Before the first row all columns are 0.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Callable, Collection, Mapping

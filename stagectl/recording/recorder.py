@@ -5,8 +5,6 @@ when the loop closes the ring or dies: the loop holds the only writing end of th
 for a while holds that end itself, and says `ENOUGH`.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

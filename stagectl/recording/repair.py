@@ -12,8 +12,6 @@ large in the rows beside it, and small elsewhere.  A wrap is a jump that stays, 
 which the positions fill.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Replay: the recorded feedback through the recorded law must give the recorded commands, bit for bit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 Arrow reads them as it reads numbers, in 8 bytes a row: a long log has no room for a Python object in each.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -10,8 +10,6 @@
 The trigger is sought at full rate, whatever is shown later.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Literal, NamedTuple
 

@@ -4,8 +4,6 @@ The model's force is compared with the logged one as it is, and after each mista
 directions.  Nominal values may be wrong by a factor of three without a complaint.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable

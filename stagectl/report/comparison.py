@@ -1,7 +1,5 @@
 """The page of a comparison: the verdict, its figures and tables, and the commands to repeat it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

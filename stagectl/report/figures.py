@@ -1,7 +1,5 @@
 """Style of all figures, units of their axes, and the figure of a motion with and without friction compensation."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import io

@@ -1,7 +1,5 @@
 """The page of a gap that was closed on the machine: the error before and after, and what each effect gave."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

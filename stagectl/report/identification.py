@@ -1,7 +1,5 @@
 """The page of an identification: parameters with intervals, captures, and the figures of its method."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Sequence
 from typing import Any

@@ -3,8 +3,6 @@
 The picture stays in the page for print, and where uPlot is not installed.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 from typing import Any, cast

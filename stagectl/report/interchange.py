@@ -1,7 +1,5 @@
 """The page of a model exported to another simulator: the same commands there and here, and what it does not hold."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """The page that all reports share; its template is page.html."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Mapping, Sequence

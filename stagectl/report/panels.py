@@ -1,7 +1,5 @@
 """Panels: small figures of one pair of axes; a page sets them side by side, on a narrow screen below each other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 

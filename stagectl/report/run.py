@@ -1,7 +1,5 @@
 """The page of one run: tracking error, curves over time, and the commands to repeat it."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Sequence

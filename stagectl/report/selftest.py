@@ -1,7 +1,5 @@
 """The page of the self-test: the matrix with its limits, and the place for a signature."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -1,7 +1,5 @@
 """The page of a tuned controller: Bode, sensitivities, Nyquist, step, stiffness, and other bandwidths."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable

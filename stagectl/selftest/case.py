@@ -4,8 +4,6 @@ Every state of `realtime.states` can be tried.  The controller's end is the serv
 is under power when nothing more is to be seen is disabled by an order, which must be obeyed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

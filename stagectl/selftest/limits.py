@@ -13,8 +13,6 @@ Coasting from v under Coulomb friction T and viscous friction D, with the inerti
     t = J/D ln(1 + D v/T)        x = J/D (v - T/D ln(1 + D v/T))
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

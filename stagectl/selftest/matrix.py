@@ -1,7 +1,5 @@
 """The matrix: each fault in each state, what came of it, and whether that is what the table demands."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import platform

@@ -9,8 +9,6 @@
 Only what can be provoked from our end of the bus is tried; nothing that makes the drive do what nobody asked for.
 """
 
-from __future__ import annotations
-
 import collections
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """One axis as the service sees it: its orders, its motions, its parameters.  No drive is touched here: see `board`."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence

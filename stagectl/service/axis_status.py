@@ -1,7 +1,5 @@
 """The status of an axis as JSON values: for the control interface, the live page and the stop path alike."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple

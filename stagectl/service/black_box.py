@@ -4,8 +4,6 @@ Run as ``python -m stagectl.service.black_box``.  It reads ring and board of one
 outlives both the real-time process and the service, and writes down how either ended.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

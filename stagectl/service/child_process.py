@@ -3,8 +3,6 @@
 That one is bounded in memory and time, the first to be killed, and gone with its service.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

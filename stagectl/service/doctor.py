@@ -1,7 +1,5 @@
 """Can this computer run the stage?  One line a check, green or red; each red one with the command that fixes it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

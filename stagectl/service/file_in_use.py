@@ -1,7 +1,5 @@
 """The stage file that a service has read: whether the one on the disk still says the same."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

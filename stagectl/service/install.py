@@ -1,7 +1,5 @@
 """Install and remove the systemd service: the files, and the commands that activate them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

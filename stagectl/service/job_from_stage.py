@@ -1,7 +1,5 @@
 """The job of the real-time process, from the stage file: for an axis that is served, and for a single motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from stagectl.config.stage_blocks import InProcess

@@ -12,8 +12,6 @@ The move is an ordinary one: planned, within all limits, watched by the loop.  I
 that has ended never begins again, so a message that was held up on its way moves nothing.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 import time

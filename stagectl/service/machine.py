@@ -1,7 +1,5 @@
 """The axes of a machine, from the arguments of `serve`: one file, one with `axes`, or several on one bus."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from stagectl.config.machine_file import axes_of, coupled, split

@@ -1,7 +1,5 @@
 """What each order means for the machine: one axis after the other, or several at once; it ends when it has happened."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Callable, Sequence

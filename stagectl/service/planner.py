@@ -1,7 +1,5 @@
 """The service's side of planning: one motion at a time, in a process that is killed where it takes too long."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

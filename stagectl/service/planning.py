@@ -3,8 +3,6 @@
 And the pace of a move, as somebody has typed it: what no move may have, and what is a slip of a unit.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

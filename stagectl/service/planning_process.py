@@ -9,8 +9,6 @@ rows come back in shared memory.
             <- Motion, descriptor of its rows; or the problems why not
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Recordings of a running service: a recorder process for as long as it is wanted, and the files there are."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import math

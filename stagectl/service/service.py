@@ -13,8 +13,6 @@
 It comes up without power, whatever it did before.  The fault list names what ended it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import collections
 import contextlib
@@ -90,8 +88,6 @@ class Service:
         await self._up()
         self._probe = Probe(self.paths.stop)
         self._ends.callback(self._probe.close)
-        if self.paths.foxglove and (address := await asyncio.to_thread(self._companions.address)):
-            self.say(f"for Foxglove: {address}")
 
     def end(self) -> None:
         """Stop what moves, end the processes, release the machine."""

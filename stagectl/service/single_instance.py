@@ -5,8 +5,6 @@ to the real-time process, so it is free only when the axes of an earlier service
 service that this one did not end in an orderly way.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import fcntl

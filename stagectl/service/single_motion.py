@@ -8,8 +8,6 @@
          +------ order -------> companion, e.g. the live twin (twin/process.py): reads the ring, nothing else
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -4,8 +4,6 @@ A datagram needs no connection, so nobody can take all of them.  Each client bri
 does not read it holds up nobody, and nobody else can answer in place of the stop path.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import socket
@@ -29,7 +27,6 @@ class ServicePaths(NamedTuple):
 
     socket: Path
     state: Path  # folder: black boxes, and the mark of a service that runs
-    foxglove: tuple[str, int] | None = None  # host and port of its live view; None: no live view
 
     @property
     def stop(self) -> Path:

@@ -11,8 +11,6 @@ It shares nothing with the service that a client can use up: no event loop, no i
 planning, no disk.  It lives as long as the loop, also where the service dies.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import json

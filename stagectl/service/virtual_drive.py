@@ -1,7 +1,5 @@
 """The virtual drive as a separate process, started where the embedded bus has no drive yet."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

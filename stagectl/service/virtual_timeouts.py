@@ -1,7 +1,5 @@
 """How long a loop waits where nothing but processes is held up: a virtual plant stands still meanwhile."""
 
-from __future__ import annotations
-
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
 

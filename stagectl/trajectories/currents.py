@@ -4,8 +4,6 @@ Each is a NamedTuple with ``at(t)`` (n,) A, ``duration`` (s) and ``spans``: stea
 periods, each with the frequencies in it, which is what a frequency response is taken over.
 """
 
-from __future__ import annotations
-
 from itertools import accumulate
 from typing import Annotated, NamedTuple
 

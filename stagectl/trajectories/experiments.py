@@ -8,8 +8,6 @@
     released        the loop follows a motion, then lets the axis go: no current at all
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, NamedTuple
 

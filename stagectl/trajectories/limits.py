@@ -1,7 +1,5 @@
 """Checks of a trajectory before anything moves: whether it can be run, how far it goes and how fast."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple, get_type_hints

@@ -1,7 +1,5 @@
 """What every trajectory is made of: motion itself, ends at rest, and the window that fades in and out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Periodic motions under a window: steady in the middle, at rest at both ends."""
 
-from __future__ import annotations
-
 import functools
 import math
 import random

@@ -1,7 +1,5 @@
 """A motion that was recorded: a smooth curve through every sample."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple

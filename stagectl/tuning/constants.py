@@ -1,7 +1,5 @@
 """Numbers that decide something in the tuning: what each decides, its unit, and its origin."""
 
-from __future__ import annotations
-
 SENSITIVITY_PEAK = 2.0  # Ms where no bandwidth is given: guarantees 6 dB and 29 deg; Skogestad, Postlethwaite, 2.4.4
 
 # Ratios of a cascade: symmetric optimum with a = 4 (Kessler 1958); the filter's corner five times above is chosen.

@@ -13,8 +13,6 @@ costs ``atan(1/5)`` = 11 deg.  A filter with its corner above Nyquist's frequenc
 Source: C. Kessler, Regelungstechnik 6, 1958 (symmetric optimum).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

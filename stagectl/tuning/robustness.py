@@ -15,8 +15,6 @@ Source: S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed.,
 bandwidths).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable

@@ -6,8 +6,6 @@ limits it; ``Ms <= 2`` guarantees a gain margin of 2 (6 dB) and a phase margin o
 Source: S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., 2005, section 2.4.4 (Ms < 2).
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from typing import NamedTuple

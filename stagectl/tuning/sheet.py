@@ -1,7 +1,5 @@
 """A tuned controller for the user and as JSON: gains, margins, closed loop, and notes on them."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

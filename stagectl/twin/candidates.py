@@ -1,7 +1,5 @@
 """What the model may be off by: each candidate with the model that is off by a small step of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

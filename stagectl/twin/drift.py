@@ -9,8 +9,6 @@ Source: P. R. Bevington, D. K. Robinson, Data Reduction and Error Analysis, 2003
 (uncertainties scaled by the scatter).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

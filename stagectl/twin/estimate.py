@@ -9,8 +9,6 @@ values, yet its intervals assume that rows are independent.  Here groups of whol
 Source: K.-Y. Liang, S. L. Zeger, Biometrika 73(1), 1986 (clusters).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

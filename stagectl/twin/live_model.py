@@ -14,8 +14,6 @@ as free of the encoder's noise as the model is.  The normal equations of every b
 them.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ adds a line to the slow record; both are JSON.  It only reads the ring: no lock,
 on it, and it may be killed at any time.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -3,8 +3,6 @@
 A line holds values, not differences from the model: a stage file that changes in between leaves no step in a trend.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

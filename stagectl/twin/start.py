@@ -1,7 +1,5 @@
 """What a run needs to have a twin: the order to its process, and the slow record of its axis."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Origin is "chosen" unless the comment says otherwise: such a value was set by hand on simulated runs and is not derived.
 """
 
-from __future__ import annotations
-
 # -- the model that runs along ---------------------------------------------------------------------------------------
 
 SUBSTEPS = 4  # of a control period; measured: what rolling friction needs.

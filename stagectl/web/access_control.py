@@ -5,8 +5,6 @@ whoever may use the socket may move the axis from a browser.  Both are
 files in the state folder and outlive the service.
 """
 
-from __future__ import annotations
-
 import enum
 import hmac
 import os

@@ -5,8 +5,6 @@ service fetches them once into the user's cache.  Each file is only accepted wit
 comes from.  Only the standard library: the build runs this without anything installed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -1,7 +1,5 @@
 """The body of a request: taken whole, in time and of a bounded size, before anything else looks at it."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Callable, Iterable, Mapping

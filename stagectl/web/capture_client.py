@@ -1,7 +1,5 @@
 """The other end of the live connection, for programs: captures of a running loop over the control socket."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The channels of a scope: the columns of its ring, in travel, A and s."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

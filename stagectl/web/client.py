@@ -1,7 +1,5 @@
 """The client of the control socket: one request, one answer."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

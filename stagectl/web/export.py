@@ -4,8 +4,6 @@ One export at a time, and few that wait or are being fetched.  Its process is ki
 goes with its last descriptor: nothing can be left behind.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """One export as a process of its own, bounded: ``python -m stagectl.web.export_process RECORDING FORMAT FILE``."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

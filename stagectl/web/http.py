@@ -4,8 +4,6 @@ On the Unix socket the permissions of the socket decide who may move the axis.  
 A request ends at the board; the loop never sees it.  The live page's part of it is in ``page/``.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any

@@ -9,8 +9,6 @@ A message of numbers is float64 throughout, little-endian::
 Where a bucket is one row the highest values are left out: they are the lowest.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

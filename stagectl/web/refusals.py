@@ -1,7 +1,5 @@
 """How an error becomes an answer of the interface: status and words."""
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page's part of the interface: its files, who may do what, recordings, and the live connection."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """`stagectl serve`: the service, its sockets, and how they end together."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import errno

@@ -1,7 +1,5 @@
 """The status as the page shows it, made once for all viewers within a tenth of a second."""
 
-from __future__ import annotations
-
 import collections
 import time
 from typing import Any, NamedTuple

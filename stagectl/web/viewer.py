@@ -12,8 +12,6 @@
 It reads the ring, which costs the loop nothing; a slow reader gets fewer frames, and delays nobody.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import time

@@ -1,7 +1,5 @@
 """Faults for the virtual drive of an axis, from the page: what `stagectl inject` does.  A real drive takes none."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Annotated, Any
 

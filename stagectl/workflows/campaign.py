@@ -10,8 +10,6 @@
 A run is recorded in ``FOLDER/unfinished`` and moved when it is complete.  The same command continues with the rest.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib

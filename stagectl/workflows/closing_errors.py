@@ -1,7 +1,5 @@
 """The tracking errors that judge a gap's closing: by motion, `compare`'s variants by name; each motion counts alike."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The model that a diagnosis leads to, as a change of the stage file that the stage file takes."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

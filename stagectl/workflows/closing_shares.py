@@ -11,8 +11,6 @@ Products are of different repeats, so that noise does not count as an error.  Ea
 Source: L. S. Shapley, A value for n-person games, 1953; of a quadratic game each pair shares its product evenly.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import NamedTuple

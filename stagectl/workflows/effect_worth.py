@@ -8,8 +8,6 @@ A client of the service: it gives orders and fetches recordings.  One effect is 
 the error is the smallest, as another one may only have made up for it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

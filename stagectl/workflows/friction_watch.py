@@ -10,8 +10,6 @@ A new scale is on trial until the next look at the same motion.  If the error ha
 before it comes back and the watch ends: it is not the friction that has changed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -17,8 +17,6 @@ At the end each effect is left out of the feedforward in turn: that gives its sh
 without which the error is smaller is dropped from the feedforward (`control.unanswered`); the model keeps it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,8 +24,7 @@ from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
 from stagectl.config.patch import patched
 from stagectl.config.source import read_text
-from stagectl.config.stage_file import Setup, load_stage
-from stagectl.config.wire import lasting
+from stagectl.config.stage_file import Setup, lasting, load_stage
 from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import EFFECTS, answered, coordinate_label, label
 from stagectl.gap.experiment_design.battery import battery, held_out

@@ -5,8 +5,6 @@
     repeat 1: ptc, off, ptc+ilc    repeat 2: ptc+ilc, ptc, off    ...   --> comparison.verdict
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast, get_args

@@ -5,8 +5,6 @@ hangs on the stiffness over the first nanometres, which the records of an identi
 matters is seen in the rms error, as the axis stands still for half of the time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

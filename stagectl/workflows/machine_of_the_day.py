@@ -5,8 +5,6 @@
     seed --> inertia, viscous friction, force constant --> law and size of the friction --> one to three effects
 """
 
-from __future__ import annotations
-
 import random
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """From two YAML files to a result: what `run`, `simulate` and the trials share."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -12,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.config.source import read_text
-from stagectl.config.stage_file import Setup
+from stagectl.config.stage_file import Setup, canopen
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.config.wire import canopen
 from stagectl.design.control import Layer
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus

@@ -5,8 +5,6 @@
     STAGE.yaml      STAGE.versions/1/STAGE.yaml, closed.html      STAGE.versions/2/STAGE.yaml, ...
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterable
 from pathlib import Path

@@ -140,7 +140,8 @@ def test_a_comparison_refuses(stage: DesignedStage) -> None:
 def test_a_diagnosis_shows_where_which_and_how_far(verdict: str, stage: DesignedStage) -> None:
     diagnosis = every()[verdict]
     answer = GapDiagnosis(Path("session"), diagnosis, None, stage.setup.stage)  # type: ignore[arg-type]
-    assert repr(answer).startswith(f"{answer.verdict}: ") and "nan" not in repr(answer)
+    assert repr(answer).startswith(f"{answer.verdict}: {answer.sentence}")
+    assert "nan" not in repr(answer) and "None" not in repr(answer)
     assert set(answer.where.blocks) == {"controller", "drive", "mechanics", "sensor"}
     assert answer.gap is diagnosis.gap and answer.next_experiment is diagnosis.next_experiment
     assert json.loads(answer.save("answer.json").read_text())["verdict"] == answer.verdict

@@ -14,7 +14,7 @@ from stagectl.compensation.rolling import GeneralisedMaxwell, ReversalTable, Rhe
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import IdentificationError, Refusal
-from stagectl.identification.compensators import with_compensators
+from stagectl.identification.methods import with_compensators
 from stagectl.identification.result import IdentificationResult
 from stagectl.problem import ProblemKind
 from tests.conftest import CONFIG

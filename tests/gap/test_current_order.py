@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import stagectl as sc
-from stagectl.cli.gap_show import show
+from stagectl.api.diagnosis import GapDiagnosis
+from stagectl.cli.gap_diagnose import show
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.current_order import drive_doubts, order_doubts, periods_ahead
 from stagectl.report.gap.page import page
@@ -71,9 +72,11 @@ def test_a_doubt_comes_before_the_answer(columns: Columns, tmp_path: Path, capsy
     rows = np.column_stack([DT * np.arange(len(position)), position, columns["current"], columns["command"]])
     head = "time_s,position_rad,current_command_A,current_A"
     np.savetxt(tmp_path / "swapped.csv", rows, delimiter=",", header=head, comments="")
-    session = load_session.load([tmp_path / "swapped.csv"], sc.load_stage(CONFIG / "ball-screw.yaml").setup)
+    setup = sc.load_stage(CONFIG / "ball-screw.yaml").setup
+    session = load_session.load([tmp_path / "swapped.csv"], setup)
     assert len(session.doubts) == 1 and not set(session.doubts) & set(session.notes)
     result = found("effects")._replace(doubts=session.doubts)
-    show(result, tmp_path)
-    assert session.doubts[0][:40] in capsys.readouterr().err.splitlines()[0]
+    show(GapDiagnosis(tmp_path, result, session, setup.stage), Path("captures"))
+    shown = capsys.readouterr().err.splitlines()
+    assert session.doubts[0][:40] in shown[0] and "stagectl gap apply captures STAGE.yaml" in shown[-1]
     assert session.doubts[0] in page(result, "logs", []).notes[0]

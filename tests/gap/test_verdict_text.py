@@ -229,3 +229,12 @@ def test_a_gap_that_stays_is_not_told_in_shares() -> None:
     assert "%" not in text and "closable" not in text
     assert text.endswith("; the model comes no closer.")
     assert "closable gap" in verdict_text.sentence(before) and "significant" not in verdict_text.sentence(before)
+
+
+def test_it_says_where_and_when_and_counts_further_captures() -> None:
+    capture = FOUND["effects"].captures[0]
+    lines = remarks_text.where(found("effects", captures=(capture,) * 11))
+    assert lines[0] == "where in the loop: controller 0 %, drive 3 %, mechanics 95 %, sensor 2 %"
+    opened = [line for line in lines if line.startswith("open in sine-1.6hz-1.csv")]
+    assert len(opened) == remarks_text.MOST_SPANS and lines[-1] == "and 3 more captures"
+    assert remarks_text.where(FOUND["none"]) == []

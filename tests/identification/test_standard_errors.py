@@ -7,12 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from stagectl.identification.standard_errors import (
-    bandwidth,
-    covariance,
-    independent,
-    integrated_autocorrelation,
-)
+from stagectl.identification.standard_errors import bandwidth, covariance, independent, integrated_autocorrelation
 
 ROWS = 20000
 

@@ -15,8 +15,7 @@ from stagectl.cli import records
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.interchange import export, mujoco_model
 from stagectl.interchange.export import lost
-from stagectl.interchange.mujoco_export import to_mujoco
-from stagectl.interchange.mujoco_model import bristles, gaussian
+from stagectl.interchange.mujoco_model import bristles, gaussian, to_mujoco
 from stagectl.kernels import friction, stage
 from stagectl.kernels.effects import Harmonic
 from stagectl.kernels.friction_bristle import Bristle

@@ -5,8 +5,6 @@ process, so that a busy machine disturbs all alike.  Bounds come from the issue;
 is shown as such.  It is a benchmark, not a test: the exit code is 0 whatever the verdicts.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import json

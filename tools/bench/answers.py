@@ -6,8 +6,6 @@ Per effect of the library, at typical and at four times typical size: the error 
 position, from the first reversal on) of a controller that does not know the effect, and of one that does.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

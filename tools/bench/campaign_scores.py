@@ -1,7 +1,5 @@
 """What a campaign of identifications comes to: coverage, errors and widths by law, encoder, rate and the rest."""
 
-from __future__ import annotations
-
 import statistics
 import sys
 from collections import defaultdict

@@ -7,8 +7,6 @@ The second gives the model of `gap diagnose` to the controller, and counts its p
 what is left is the model's error, and not the noise's.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import shutil

@@ -11,8 +11,6 @@ fast as the drive answers: CPU time of the process with all its threads.  moteus
 codec is measured, and its cycle is not.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib.util
 import struct
@@ -26,7 +24,7 @@ from canopen.profiles.p402 import BaseNode402
 from measure import Against, Contender, interleaved, versus
 from scene import STAGE, scene
 
-from stagectl.config.wire import canopen as wire_of
+from stagectl.config.stage_file import canopen as wire_of
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.network import load_eds

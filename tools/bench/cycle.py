@@ -1,7 +1,5 @@
 """What one cycle costs: its computation, paced at 2 kHz, and all of it over the embedded bus."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

@@ -3,8 +3,6 @@
 Takes one pickled `Order` on standard input, answers with one line of JSON: what each cycle took (ns).
 """
 
-from __future__ import annotations
-
 import json
 import math
 import pickle

@@ -11,8 +11,6 @@ largest speed, and start there as the stage does.  MuJoCo runs without contacts,
 its fastest solver and integrator for this model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple

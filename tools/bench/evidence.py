@@ -7,8 +7,6 @@ is left out of the library, and aliens.  `--keep` leaves captures and answers th
 `--against` names the root of another checkout, whose diagnosis answers the same captures.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

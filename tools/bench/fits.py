@@ -5,8 +5,6 @@ simulation of the actuator, its error the mean square of positions.  Both simula
 five logarithms of parameters, the same start a fifth off, and are told the plant's own structure; each ends by itself.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ The diagnosis is of a machine of the exam on the recommended battery (about 75 s
 hidden effect; its seconds are from the loaded session to the answer, compiled.
 """
 
-from __future__ import annotations
-
 import resource
 import time
 from pathlib import Path

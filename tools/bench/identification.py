@@ -10,8 +10,6 @@ a fifth off.  What each computes, so that the ratio can be judged::
 The output-error fit (fits.py) is told the plant's own structure and that the axis began at rest; simultaneous is not.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import subprocess

@@ -13,8 +13,6 @@ One process; Ctrl-C or SIGTERM ends it early, and it shows what it has.  `--json
 there; a second call with the same file goes on where the first was ended.  The exit code is 0 whatever the figures.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """What a benchmark's row is, and how contenders are timed: interleaved, so that a busy machine disturbs all alike."""
 
-from __future__ import annotations
-
 import statistics
 import time
 from collections.abc import Callable, Sequence

@@ -6,8 +6,6 @@ both: the largest of either half, as a motion that is laid out takes some for a 
 starts (control loop, recorder, planner) are counted apart: they run the same without a page.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

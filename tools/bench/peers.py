@@ -5,8 +5,6 @@ measures one part anew and keeps the others of ``--json FILE``.  The exam's figu
 line of the ledger, and the scores of an exam that was held with ``--baselines``, where one is given.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import platform

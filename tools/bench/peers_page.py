@@ -1,7 +1,5 @@
 """The page of `peers.measure`, in the design of all reports, and the same figures as a page of the manual."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Processes as they really run: what a command takes to start; the loop's and the recorder's memory, CPU and file."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

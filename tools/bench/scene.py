@@ -1,14 +1,11 @@
 """What all benchmarks run: stage A and the paper's motions, from the project's own files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
 from stagectl import design
-from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.stage_file import Setup, load_stage, on_channel
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.config.wire import on_channel
 from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
 from stagectl.realtime.axes import Post

@@ -1,7 +1,5 @@
 """How fast the simulator is, and how coarse its step may be before the tracking figures leave their bounds."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any, NamedTuple
 

@@ -4,8 +4,6 @@ Each program is a process of its own, in turn; its peak memory is what its paren
 Sizes are the files of a distribution and of all that it requires, extras and compiled modules not counted.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import importlib.util
 import json

@@ -6,8 +6,6 @@ answers within `LIMIT` that say that the loop has taken the stop, and axes that 
 Figures of a machine that does something else say little: the attackers alone want more than one core.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import os

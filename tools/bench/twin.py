@@ -1,7 +1,5 @@
 """What the live twin costs, and that it costs the loop nothing: cycles with and without it, in turn."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -7,8 +7,6 @@ friction and values that are off included.  A line says what the answer names fi
 its probability and alternatives; the last line counts, with an interval of 95 %.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

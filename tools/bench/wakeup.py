@@ -6,8 +6,6 @@ alike.  The figures are medians over the rounds of each slice's quantiles, and t
 us, cut off, of which the middle is taken.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

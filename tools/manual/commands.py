@@ -1,7 +1,5 @@
 """The reference page of the command line, from the commands themselves."""
 
-from __future__ import annotations
-
 import inspect
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The pages of the effects: text, picture, and the lines of a stage file that play each of them."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import os

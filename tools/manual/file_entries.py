@@ -1,7 +1,5 @@
 """Every entry of a configuration file: unit, range, default and meaning, from the types that the loader reads."""
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Iterator

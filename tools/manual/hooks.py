@@ -1,7 +1,5 @@
 """What MkDocs calls while it builds the manual: pages and pictures that are made from the package itself."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

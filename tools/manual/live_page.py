@@ -4,8 +4,6 @@ A service on a virtual drive moves to and fro while chromium looks at its live p
 draws is shown as long as it stood: the animation runs at the speed of the axis.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import itertools

@@ -1,7 +1,5 @@
 """The page of the drives, from the table of presets."""
 
-from __future__ import annotations
-
 from stagectl.drives.canopen.presets import PRESETS, Preset
 
 HEAD = """# Drives

@@ -1,7 +1,5 @@
 """The reference pages of stage and trajectory files, from the types that the loader reads."""
 
-from __future__ import annotations
-
 from file_entries import Block, stage_blocks, trajectory_blocks
 
 UNITS = (

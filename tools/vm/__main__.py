@@ -7,8 +7,6 @@ Exit code 0: passed, or skipped with the reason; 1: failed; 75: no verdict, as t
 $STAGECTL_VM_PATIENCE: seconds for all of it; $STAGECTL_VM_RESULTS: folder for journal and figures.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time

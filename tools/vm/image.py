@@ -1,7 +1,5 @@
 """The guest's disk, kernel and initial RAM disk: built once, kept outside the checkout under their recipe's hash."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import lzma

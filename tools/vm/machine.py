@@ -3,8 +3,6 @@
 The checkout goes in as a tar file on a disk, the results come out of another.
 """
 
-from __future__ import annotations
-
 import compileall
 import io
 import resource

@@ -1,7 +1,5 @@
 """What building and running the guest takes from the host, and the installation of what is missing."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shutil

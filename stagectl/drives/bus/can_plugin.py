@@ -7,8 +7,6 @@ So that the tools its users know see what the stage says::
     canopen.Network().connect(interface="stagectl", channel="stage")
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

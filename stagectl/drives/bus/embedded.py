@@ -9,8 +9,6 @@ It has no hub.  A channel is a folder; every participant binds a socket in it an
 Unlike a real bus it has no arbitration, no bit timing and no order between different senders.
 """
 
-from __future__ import annotations
-
 import errno
 import itertools
 import os

@@ -1,7 +1,5 @@
 """A bus whose frames are lost, doubled, reordered, corrupted or delayed by rules; without rules it changes nothing."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import random

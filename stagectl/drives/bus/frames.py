@@ -4,8 +4,6 @@ A frame is the kernel's 16-byte ``struct can_frame`` everywhere: identifier, len
 carries it differs, so the cyclic path is the same code on a machine with CAN and on one without.
 """
 
-from __future__ import annotations
-
 import select
 import socket
 import struct

@@ -1,7 +1,5 @@
 """Real CAN: a SocketCAN interface of the kernel, or an interface of python-can; and every bus by its name."""
 
-from __future__ import annotations
-
 import errno
 import socket
 import time

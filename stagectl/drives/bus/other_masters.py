@@ -17,8 +17,6 @@ A CAN frame does not name its sender.  But on a bus where we have not sent anyth
 A master that sends none of them for LISTENING_TIME drives nothing by cycles.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import json

@@ -5,8 +5,6 @@ while nothing supervised it, its panel, its own program; or it holds an axis who
 then is set before power goes.  Set up under power, the first change of mode could act on a torque that is still in it.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable
 

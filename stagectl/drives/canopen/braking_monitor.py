@@ -1,7 +1,5 @@
 """Supervision of a stop by the drive's own ramp: whether the axis slows down."""
 
-from __future__ import annotations
-
 import collections
 import enum
 import itertools

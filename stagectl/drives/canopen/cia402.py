@@ -8,8 +8,6 @@
                   FAULT <--14-- FAULT REACTION ACTIVE <--13-- (any)
 """
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterable
 from typing import TypeVar

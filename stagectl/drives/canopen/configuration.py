@@ -5,8 +5,6 @@ boots in between is set up again.  Objects that drives may lack are described as
 missing or refused, and anything that protects the axis, is an error which names the object.
 """
 
-from __future__ import annotations
-
 from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402

@@ -9,8 +9,6 @@ The `canopen` library knows EDS and SDO; the cyclic path is three frames and two
 There is no thread: every other frame is read while `sample` waits for its TPDO.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 

@@ -10,8 +10,6 @@ origin jumps.  Nothing is believed of bits 12 and 13 before they were seen clear
 homing before, and a TPDO may be a period old.
 """
 
-from __future__ import annotations
-
 import math
 
 from stagectl.drives.canopen import cia402, fault_texts

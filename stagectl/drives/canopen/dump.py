@@ -3,8 +3,6 @@
 Nothing is written to the drive.  An object that it refuses is listed with the abort code, and the next one is read.
 """
 
-from __future__ import annotations
-
 import configparser
 import io
 from collections.abc import Callable, Iterator

@@ -5,8 +5,6 @@ process imports (0.13 s of processor time, 9 MiB).  Frames go by our own buses, 
 whoever asks the library for more of python-can, as its own `Network.connect` does, gets the true one.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import logging

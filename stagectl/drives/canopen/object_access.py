@@ -4,8 +4,6 @@ A boot-up message in between makes all that was written worthless: the access th
 `SetupInterruptedError`.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable

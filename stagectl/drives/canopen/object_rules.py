@@ -4,8 +4,6 @@ What a person must decide is none of these: the stage file writes it by `drive.w
 Sources: CiA 301 (communication), IEC 61800-7-201 (CiA 402-2: profile).
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable

@@ -13,8 +13,6 @@ it shows them all, or after LEARNING_TIME; a bit that it never showed is not dem
 Source: CiA 402-2 (IEC 61800-7-201), statusword and 0x6061.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

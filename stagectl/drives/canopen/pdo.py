@@ -1,7 +1,5 @@
 """The two PDOs of the cyclic path as precompiled structs; the EDS gives sizes and places of their fields."""
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Any, NamedTuple

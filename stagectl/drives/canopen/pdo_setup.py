@@ -4,8 +4,6 @@ Compared first; written where they differ, by the rules of CiA 301 (a PDO is map
 back.  A map that the drive keeps is taken as it is, if it holds all that the cycle needs, in whatever order.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from stagectl.drives.canopen import cia402

@@ -4,8 +4,6 @@ From the makers' public documentation; none was tried on hardware here.  What di
 current, option codes) is read from the drive by `probe` and never assumed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What a CiA 402 drive reports about itself over SDO, without an EDS: nothing is written, no state is changed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 

@@ -10,8 +10,6 @@ Each is written, read back and verified after NMT start.  Without both nothing i
 it by name (`drive.wire.accept`).  Sources: CiA 301, heartbeat, guarding, event timer, error behaviour; CiA 402, 0x6007.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ is asked in each period, with the answer's statusword.  `DriveLine` waits for th
 for none.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import struct

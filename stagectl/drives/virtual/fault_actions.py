@@ -1,7 +1,5 @@
 """Faults of the virtual drive: how each is caused and undone, which are waiting and which are active."""
 
-from __future__ import annotations
-
 import collections
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

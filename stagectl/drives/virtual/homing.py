@@ -6,8 +6,6 @@
                       35, 37: the present position                     any other number: bit 13
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

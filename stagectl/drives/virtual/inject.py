@@ -6,8 +6,6 @@ The request does not travel over the bus, so that a bus fault can be cleared::
                      <-- {"words": "...", "active": [...]} --
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import re

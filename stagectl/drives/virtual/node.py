@@ -10,8 +10,6 @@ The clock of the plant is ``sync`` (each SYNC is one period, however late it com
 count) or ``wall`` (real time).  A drive that stops by itself needs no SYNC: then both follow the wall clock.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterable
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Object dictionary of the virtual drive: its live values, the effect of a write, and the error history."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

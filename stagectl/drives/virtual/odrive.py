@@ -1,7 +1,5 @@
 """A virtual ODrive on a pty: ASCII protocol, torque mode, the stage model inside, the line as slow as its baud rate."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

@@ -1,7 +1,5 @@
 """PDO mapping of the virtual drive: CiA 301's rules for changing it, and the PDOs compiled."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ The drive's own stop is an internal velocity loop on a ramp: ``i = gain (v_ref -
 zero with the quick stop deceleration (0x6085).  It needs neither the bus nor the controller.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Without a fault encoder and current path pass their signal on unchanged.
 """
 
-from __future__ import annotations
-
 import collections
 from collections.abc import Callable
 from typing import NamedTuple

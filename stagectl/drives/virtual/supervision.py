@@ -1,7 +1,5 @@
 """Supervision of the controller by the virtual drive: its heartbeat and the deadline of its cyclic command."""
 
-from __future__ import annotations
-
 
 class Watchdog:
     """Trips once after `timeout` without a message; armed by the first message."""

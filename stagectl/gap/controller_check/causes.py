@@ -3,8 +3,6 @@
 The terms of the command are linear in the gains, so a wrong gain is a factor on its term, found by least squares.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Neither machine nor drive takes part in it, so both must agree to the digits of 
 controller that ran is not the one that is described, and all further results would rest on a wrong basis.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The command of each log recomputed with the deployed law, without the rows in which a difference means nothing."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

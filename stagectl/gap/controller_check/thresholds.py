@@ -3,8 +3,6 @@
 Unless a line names another origin, a value was chosen and is not derived.
 """
 
-from __future__ import annotations
-
 # -- agreement ---------------------------------------------------------------------------------------------------------
 AGREEMENT = 1e-4  # of the command's rms: largest difference where no column is rounded
 DIGITS = 1e-6  # of the command's rms: what the digits of a log leave; between the two, a wrong gain may hide

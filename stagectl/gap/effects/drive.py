@@ -1,7 +1,5 @@
 """Effects of the electronics: from the command to the motor's current and its report, and from position to its log."""
 
-from __future__ import annotations
-
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
 from stagectl.gap.effects.stage_changes import added, delayed, harmonic, harmonic_parameters, put

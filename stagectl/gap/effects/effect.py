@@ -5,8 +5,6 @@ and come from a grid.  It changes the stage model and nothing else: the same fie
 written into the stage file.
 """
 
-from __future__ import annotations
-
 import enum
 import math
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Effects of friction: factors on what slips."""
 
-from __future__ import annotations
-
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
 from stagectl.gap.effects.stage_changes import added, decay, filled, harmonic_parameters, put

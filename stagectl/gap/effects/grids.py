@@ -3,8 +3,6 @@
 All are chosen, not derived: each grid is as coarse as its neighbours still find an effect that lies between them.
 """
 
-from __future__ import annotations
-
 from stagectl.kernels.constants import FIRST_ORDER
 
 # Share by which a limit lies below the largest current (voltage) of the logs.  A drive that did reach its limit gave

@@ -1,7 +1,5 @@
 """The library: every effect by its name, and what the records say of several of them."""
 
-from __future__ import annotations
-
 import functools
 import operator
 import tomllib
@@ -15,7 +13,7 @@ from stagectl.gap.effects.effect import Data, Definition, Effect, Scales, defini
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels.fields import get
 from stagectl.kernels.stage import Stage
-from stagectl.problem import nearest
+from stagectl.problem import meant
 
 _PARAMETERS = {name: of for part in (mechanics, drive, friction) for name, of in part.PARAMETERS.items()}
 
@@ -110,8 +108,6 @@ class UnknownEffectError(GapError):
     """`value` of an option is not the name of an effect; `range` holds the names that are."""
 
     def __init__(self, value: str) -> None:
-        close = nearest(value, tuple(EFFECTS))
-        hint = f"did you mean {close}?" if close else f"must be one of {', '.join(EFFECTS)}"
-        self.reason = f": not an effect; {hint}"
+        self.reason = f": not an effect; {meant(value, tuple(EFFECTS))}"
         super().__init__(f"{value}{self.reason}")
         self.value, self.range = value, tuple(EFFECTS)

@@ -1,7 +1,5 @@
 """Effects of motor, screw, cable, table and base, but for factors on friction; and parameters that every model has."""
 
-from __future__ import annotations
-
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
 from stagectl.gap.effects.stage_changes import (

@@ -1,7 +1,5 @@
 """Changes of a stage model that effects are made of."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -4,8 +4,6 @@ Three sines alone hide what follows standstill, position and the base.  So each 
 speed (stairs), position (scan), displacement since reversal (micro-sines), rest (steps), frequency (multisine).
 """
 
-from __future__ import annotations
-
 from stagectl.config.stage_file import Setup
 from stagectl.gap.experiment_design import motions
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, Recipe, made, multisines

@@ -1,7 +1,5 @@
 """The catalogue that the next experiment is chosen from: each separates effects that others leave ambiguous."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup

@@ -1,7 +1,5 @@
 """What the logs of a session never showed, and the experiment of the recommended battery that shows it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

@@ -1,13 +1,12 @@
 """One experiment: a motion made for a stage, and what it separates."""
 
-from __future__ import annotations
-
 import functools
 import textwrap
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from stagectl import trajectories
@@ -87,41 +86,15 @@ _NAMES: dict[type, str] = {
     Excited: "excited",
 }
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
-_LONGEST = 118  # characters of a line
+_LONGEST = 118  # characters of a comment
+_ONE_LINE = 10_000  # characters, more than any part has
 
 
 def text_of(experiment: trajectories.Experiment, comments: tuple[str, ...], unit: str) -> str:
     """YAML of `experiment` below its `comments`; its lengths are in `unit` (m | rad) of travel."""
     header = [f"# {line}" for comment in comments for line in textwrap.wrap(comment, _LONGEST - 2)]
-    return "\n".join([*header, *_lines(_entries(experiment, unit))]) + "\n"
-
-
-def _lines(block: dict[str, Any]) -> list[str]:
-    """A block field by field; a block with parts is indented below its name, every other field takes one line."""
-    lines = []
-    for name, value in block.items():
-        if isinstance(value, list) and isinstance(value[0], dict):
-            lines += [f"{name}:", *(f"  {line}" for part in value for line in _part(part))]
-        elif isinstance(value, dict) and "parts" in value:
-            lines += [f"{name}:", *(f"  {line}" for line in _lines(value))]
-        else:
-            lines.append(f"{name}: {_flow(value)}")
-    return lines
-
-
-def _part(part: dict[str, Any]) -> list[str]:
-    if "parts" not in part:
-        return [f"- {_flow(part)}"]
-    first, *rest = _lines(part)
-    return [f"- {first}", *(f"  {line}" for line in rest)]
-
-
-def _flow(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{name}: {_flow(part)}" for name, part in value.items()) + "}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_flow, value))}]"
-    return str(value)
+    block = yaml.safe_dump(_entries(experiment, unit), sort_keys=False, default_flow_style=None, width=_ONE_LINE)
+    return "\n".join([*header, block])
 
 
 def _entries(block: Any, unit: str) -> dict[str, Any]:
@@ -145,10 +118,11 @@ def _value(value: Any, quantity: Quantity | None, unit: str) -> Any:
         return _entries(value, unit)
     if isinstance(value, tuple):
         return [_value(item, quantity, unit) for item in value]
-    if isinstance(value, bool):
-        return "true" if value else "false"
+    if isinstance(value, float) and (quantity is None or not quantity.unit):
+        plain = float(f"{value:.12g}")
+        return int(plain) if plain.is_integer() else plain
     if quantity is None or not quantity.unit:
-        return f"{value:.12g}" if isinstance(value, float) else str(value)
+        return value
     return number(value, _of_travel(quantity.unit, unit))
 
 

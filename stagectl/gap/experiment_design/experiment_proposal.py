@@ -10,8 +10,6 @@
 First all promising experiments with the nuisances taken as linear, then the best of them with the nuisances refitted.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math
@@ -21,13 +19,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from stagectl.gap.effects.stage_changes import put
-from stagectl.gap.experiment_design import (
-    catalogue,
-    coverage,
-    nuisance_refit,
-    prediction_distance,
-    thresholds,
-)
+from stagectl.gap.experiment_design import catalogue, coverage, nuisance_refit, prediction_distance, thresholds
 from stagectl.gap.experiment_design.experiment import Experiment, made, yaml_of
 from stagectl.gap.experiment_design.nuisance_refit import Linearised
 from stagectl.gap.experiment_design.operating_range import OperatingRange, operating_range, setpoints_for

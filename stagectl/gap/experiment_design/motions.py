@@ -1,7 +1,5 @@
 """The motions that experiments are made of, scaled to a stage: each starts and ends at the initial position."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence as Many
 from typing import NamedTuple

@@ -4,8 +4,6 @@ The nuisances are what every diagnosis leaves open: inertia, viscous friction, b
 the friction law, by its size and length or by all of its weights.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

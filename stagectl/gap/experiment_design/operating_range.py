@@ -3,8 +3,6 @@
 A capture folder has no stage file, so limits are not known; what the machine has done before it can do again.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

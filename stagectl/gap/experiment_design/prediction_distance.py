@@ -10,8 +10,6 @@ between both models will have.
 Source: A. C. Atkinson, V. V. Fedorov, Biometrika 62(1), 1975 (T-optimality).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What of a stage its experiments are scaled to, and how much motion its limits and its current allow."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Origin is "chosen" unless the comment says otherwise: such a value was set by ha
 durations of single motions are part of the experiments and stand with them.
 """
 
-from __future__ import annotations
-
 # -- the scale of a stage --------------------------------------------------------------------------------------------
 
 FRICTION_BACK = 0.95  # of friction after a reversal; definition of the presliding length.

@@ -1,7 +1,5 @@
 """Motions on which a closed gap is judged: neither a diagnosis nor a tuning has seen their like."""
 
-from __future__ import annotations
-
 from stagectl.config.stage_file import Setup
 from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, Recipe, made

@@ -4,8 +4,6 @@ What the parameters of the model take is a part by itself, and what nothing expl
 named, block and coordinate are those of the effects; else those of the parameters or of the unexplained, of the larger.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from stagectl.gap.controller_check.command_check import CommandCheck

@@ -8,8 +8,6 @@ The data cannot tell the two apart.  A spring's centre lies within the travel, a
 within its standard deviation; a bias is off by its prior width or not at all.  The more probable of the two is said.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

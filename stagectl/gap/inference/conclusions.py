@@ -3,8 +3,6 @@
 Held-out runs have no part in it; `validation` judges it afterwards.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ bias is free makes a bias of all of them.  So the library is compared twice, nex
 nominal one, and the two share the probability by their evidence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

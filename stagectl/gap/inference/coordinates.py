@@ -3,8 +3,6 @@
 Functions are fitted on one half of the half strokes, together with all parameters of the base, and judged on the other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parameters of the model as fitted, with their common errors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

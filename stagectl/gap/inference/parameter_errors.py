@@ -5,8 +5,6 @@ rest of the model, refitted, must fit noticeably worse.  Where only several toge
 in for the others, the one that explains most alone counts, and the others are its alternatives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The difference of two stage models as places and values of a stage file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -4,8 +4,6 @@ A zone that is twice as long turns each tenth of the friction round after twice 
 each tenth by another ratio: by how much these differ is the length's error.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

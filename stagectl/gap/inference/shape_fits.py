@@ -4,8 +4,6 @@ The same function predicts something on machines with nothing but another fricti
 that gains no more shows an error in the form of the friction, and no unknown.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

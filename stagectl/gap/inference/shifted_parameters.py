@@ -1,7 +1,5 @@
 """Parameters that are off, as entries of the verdict: each by its name, with its alternatives and its patch."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from stagectl.gap.effects import library

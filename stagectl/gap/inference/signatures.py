@@ -5,8 +5,6 @@ noise that grows with the slope of the current.  Neither moves the axis by much,
 of the current that the model lacks is seen in the logs, too: the current stays where the command goes on.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

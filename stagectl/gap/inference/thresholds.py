@@ -4,8 +4,6 @@ Origin is "chosen" unless the comment says otherwise: such a value was set by ha
 derived.
 """
 
-from __future__ import annotations
-
 # -- verdict: names, alternatives, probabilities ---------------------------------------------------------------------
 
 DELAY_PER_JITTER = 4.0  # ratio; chosen. A shorter mean delay or lag is part of the jitter.

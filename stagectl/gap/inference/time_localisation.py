@@ -1,7 +1,5 @@
 """When the gap is open in each log, and how much of it is left."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 It is reported where it is large, repeats, and can be predicted on data that it was not fitted to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Each is reported where it repeats and exceeds what an error of form leaves: of a
 named, or of the time shift.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

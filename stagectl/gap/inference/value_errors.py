@@ -8,8 +8,6 @@ Source of errors by several divisions: A. C. Cameron, J. B. Gelbach, D. L. Mille
 Statistics 29(2), 2011.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """From fits to names: effects with their probabilities, their alternatives, their values and intervals."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Whether the measured current belongs to its command: no drive gives it earlier, or another one for long."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 

@@ -3,8 +3,6 @@
 Source of the keys: the description of capture folders; a cascade and an observer as our own export writes them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ A row that was lost leaves its period empty (NaN).  Where time stamps scatter by
 instants: smooth columns are then resampled by a cubic spline, the others linearly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

@@ -7,8 +7,6 @@
               their files                            one reference count
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence

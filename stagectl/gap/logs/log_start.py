@@ -4,8 +4,6 @@ A model that begins at rest where the machine moves needs a long way to catch up
 none of the machine's.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

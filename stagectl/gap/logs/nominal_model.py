@@ -1,7 +1,5 @@
 """The nominal model of the machine, from a nominal.yaml to the plant's parameters."""
 
-from __future__ import annotations
-
 import math
 
 from stagectl.gap.logs.nominal_values import Block, quantity

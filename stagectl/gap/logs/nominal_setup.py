@@ -1,7 +1,5 @@
 """The nominal setup behind a set of logs: axis, model and deployed controller."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Repeats of one experiment: brought to one length and checked for one reference; gaps filled from each other."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which rows of a log must not count: gaps, saturation, faults; each with a note."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

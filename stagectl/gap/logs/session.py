@@ -3,8 +3,6 @@
 All values are in SI and in the axis' units (rad and N m, or m and N); rows of a log are control periods.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """What a session is read from: our recordings, folders of captures, single logs; each log as it is in its file."""
 
-from __future__ import annotations
-
 import datetime
 import itertools
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 Unless a line names another origin, a value was chosen and is not derived.
 """
 
-from __future__ import annotations
-
 from stagectl.recording.constants import ROWS_TO_USE
 
 # -- control periods ---------------------------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """Whether logs and model are in the units and of the sign that they say: each is the measure of the other."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagectl.gap.logs.session import Log, LogError, Session

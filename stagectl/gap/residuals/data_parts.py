@@ -4,8 +4,6 @@ Each way gives the Gram matrices (b, 2, p + 1, p + 1) of its parts, of effort an
 part of them, but for the columns that run on the clock.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

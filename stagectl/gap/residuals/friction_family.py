@@ -5,8 +5,6 @@ three decades of slip, each with a free weight that is not negative, and one bri
 exponent.  Along a measured path each of them is a column.  A law in between is a mixture of these.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -10,8 +10,6 @@ resampling half strokes or trying thousands of sets therefore costs microseconds
                                                                                    --> fold_sums: summed over the folds
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The logs of a session by experiment: repeats next to each other, divided into half strokes."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Sequence

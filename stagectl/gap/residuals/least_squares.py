@@ -1,7 +1,5 @@
 """Least squares on summed matrices ``[X r]' [X r]``, without touching the rows again."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The stage model tracks the measured path of a log: what must be added to its effort is the residual effort."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

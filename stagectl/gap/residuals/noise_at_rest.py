@@ -5,8 +5,6 @@ shaking works its friction: a bristle gives up load at each turn, where on the m
 the next motion in a state that the machine never had.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ It is taken of the effort at the instant at which it acted.  The tracker's answe
 lie elsewhere in either direction there, and cancel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

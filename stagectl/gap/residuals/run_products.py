@@ -4,8 +4,6 @@ Most columns are the same in every repeat.  A column that runs on the session cl
 the repeats and by each repeat's deviation from it: ``sum_k X_k' X_k = n X' X + sum_k dX_k' dX_k``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

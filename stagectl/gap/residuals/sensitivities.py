@@ -4,8 +4,6 @@ No effect has a formula here.  The stage model with and without it tracks the sa
 column, with delays, sampling and estimator included.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Unless a line names another origin, a value was chosen and is not derived.
 """
 
-from __future__ import annotations
-
 # -- tracking the model along a measured path --------------------------------------------------------------------------
 # Share of the sampling frequency: bandwidth of the tracker, 40 Hz at 2 kHz.  A faster tracker holds the model closer
 # to the path but excites every candidate that has a resonance.

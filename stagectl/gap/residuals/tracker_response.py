@@ -4,8 +4,6 @@ The correction that holds a model on the measured path is the missing effort, fi
 ``T = C P / (1 + C P)`` of the tracker C and a free mass P with its damping.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft

@@ -9,8 +9,6 @@ A zero-phase filter whitens both over the band.  It is made from the differences
 model leaves unexplained.  All that follows is linear: residuals and sensitivities pass the same filter.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

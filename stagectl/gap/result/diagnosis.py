@@ -1,7 +1,5 @@
 """The result of a diagnosis: the page, the JSON and the patch all read it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

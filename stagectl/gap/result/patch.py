@@ -1,7 +1,5 @@
 """From a diagnosis to a patch of the stage file that a person can review: a diff, and the reason for each line."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import shutil

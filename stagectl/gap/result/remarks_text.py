@@ -1,10 +1,11 @@
 """What is said below the figures of a diagnosis, in lines: notes, limits, what is ambiguous, the next experiment."""
 
-from __future__ import annotations
-
-from stagectl.gap.effects.library import label
+from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.result.verdict_text import MOST, candidates, capital
+from stagectl.number_format import percent
+
+MOST_SPANS = 8  # logs whose open spans are listed; chosen for one screen
 
 
 def ambiguous(result: DiagnosisResult) -> list[str]:
@@ -56,9 +57,26 @@ def spans(result: DiagnosisResult) -> list[str]:
     return lines
 
 
+def where(result: DiagnosisResult) -> list[str]:
+    """Where the gap lies: in the loop, over the motion, and when."""
+    if result.verdict == "none":
+        return []
+    blocks = (f"{name} {'not judged' if share is None else percent(share)}" for name, share in result.blocks.items())
+    ranked = sorted(result.coordinates, key=lambda coordinate: -coordinate.share)[:MOST]
+    follows = ", ".join(f"{coordinate_label(each.name)} {percent(each.share)}" for each in ranked)
+    times = spans(result._replace(captures=tuple(capture for capture in result.captures if capture.spans)))
+    return [
+        f"where in the loop: {', '.join(blocks)}",
+        *([f"what it follows: {follows}"] if ranked else []),
+        *(f"open in {span}" for span in times[:MOST_SPANS]),
+        *([f"and {len(times) - MOST_SPANS} more captures"] if len(times) > MOST_SPANS else []),
+    ]
+
+
 def lines(result: DiagnosisResult) -> list[str]:
-    """All that is said below the figures: notes, what is ambiguous, and the next experiment."""
-    return [*remarks(result), *idle(result), *ambiguous(result), *outside(result), *advice(result)]
+    """All that is said below the figures: where the gap lies, notes, what is ambiguous, and the next experiment."""
+    said = (where, remarks, idle, ambiguous, outside, advice)
+    return [line for part in said for line in part(result)]
 
 
 def idle(result: DiagnosisResult) -> list[str]:

@@ -3,8 +3,6 @@
 Traces are left out, as only the page draws them.  The shape of the unknown is thinned to `MOST_POINTS`.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

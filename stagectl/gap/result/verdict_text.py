@@ -1,7 +1,5 @@
 """A diagnosis in words: the verdict in a sentence or two, and the lines below it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ it helps, one bristle next to them are fitted by Gauss-Newton on the tracked mod
 a nuisance: no effect may be named for what another law of the family explains.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -18,13 +16,7 @@ from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
-from stagectl.gap.residuals.sensitivities import (
-    Direction,
-    TrackedModel,
-    all_columns,
-    model_residual,
-    residuals_of,
-)
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds

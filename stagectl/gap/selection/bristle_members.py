@@ -5,8 +5,6 @@ shape of the bristle.  `bristle_shape` then fits its shape: where the true law i
 almost empty.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

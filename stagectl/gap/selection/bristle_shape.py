@@ -4,8 +4,6 @@ Where the nominal friction is another law, the model does not stay on the measur
 columns around it tell little of a bristle's shape.  Around a model that has the bristle they do.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The library on one machine: every effect as groups of columns, one group for each place on the grid of its shapes."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple

@@ -4,8 +4,6 @@ Sensitivities are those of a prototype on 30 development machines (Brier score a
 names another source.  Powers of the likelihoods need no number here: see `evidence.temper`.
 """
 
-from __future__ import annotations
-
 # -- what is known of the base, standard deviations --------------------------------------------------------------------
 # Shares of the nominal inertia and viscous friction, and of the Coulomb friction (bias, weights, bristles).  Origin:
 # how far a user's values are off.  All three times 0.3 or 10: 0.115, 0.110.

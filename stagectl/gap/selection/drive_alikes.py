@@ -6,8 +6,6 @@
 Where the base has gone after one of them, no column around it shows the other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 

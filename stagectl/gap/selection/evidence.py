@@ -20,8 +20,6 @@ Sources: D. J. C. MacKay, Information Theory, Inference, and Learning Algorithms
 T. van Ommen, Bayesian Analysis 12(4), 2017 (tempered likelihoods under wrong models).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

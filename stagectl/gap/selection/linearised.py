@@ -1,7 +1,5 @@
 """Everything linear around one model: the residuals, what nuisances explain of them, and the effects that may join."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

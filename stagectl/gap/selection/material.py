@@ -1,7 +1,5 @@
 """What is missing and has an order is no trace: whether an effect explains most of it, however small it is."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagectl.gap.residuals import gram_matrices

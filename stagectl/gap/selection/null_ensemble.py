@@ -5,8 +5,6 @@ strength and about the length of the refitted one, and moves along the same meas
 model on such a machine is form error and nothing else: a column that the evidence integrates out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

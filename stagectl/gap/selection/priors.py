@@ -8,8 +8,6 @@ count by their number of half strokes, not of samples, as what a model leaves is
 `left` is the sum of squares that no amplitude of the columns explains, above the floor of repeats.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 

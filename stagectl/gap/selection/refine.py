@@ -1,7 +1,5 @@
 """Gauss-Newton over everything at once: all parameters of the effects, and the base model next to them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 

@@ -12,8 +12,6 @@ Every machine has a trace of everything, so that a small effect is no finding.  
 repeats and has an order, what explains it is no trace, however small it is: nothing is called unknown before.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The model from which the baseline fit begins, where columns around the nominal one would be those of no machine."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

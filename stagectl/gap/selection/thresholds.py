@@ -3,8 +3,6 @@
 Unless a line names another origin, a value was chosen and is not derived.  Gains are sums of squares of unit noise.
 """
 
-from __future__ import annotations
-
 # -- baseline fit ------------------------------------------------------------------------------------------------------
 BASELINE_STEPS = 3  # Gauss-Newton steps: what moves along the measured path is almost linear in all parameters
 BRISTLE_GAIN = 0.02  # share of the closable sum of squares: a bristle that explains less is left out

@@ -1,7 +1,5 @@
 """What is known before the data: the base's parameters around their nominal values, and every effect's usual sizes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 

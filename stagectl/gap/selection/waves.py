@@ -4,8 +4,6 @@ An error in the form of the friction lies at the reversals and in the slow cours
 position there is next to none of it: a line there is judged by the spectrum beside it, and not by the whole.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far the gap closes, and which share of it each part of the diagnosis takes."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -4,8 +4,6 @@ Nothing of these runs chose an effect or a value.  The gap is measured minus sim
 reference; the floor is what repeats differ by.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

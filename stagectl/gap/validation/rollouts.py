@@ -1,7 +1,5 @@
 """A closed loop simulated with a model of the machine: quiet, and from where the encoder reads its first position."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Every number that decides something in the validation, with its unit, its origin and what it decides."""
 
-from __future__ import annotations
-
 # Sub-steps of a control period; as the virtual drive takes.  Accuracy of the simulated closed loop.
 SUBSTEPS = 10
 # Chosen.  Resamples of the half strokes, for the interval of the closure.

@@ -1,7 +1,5 @@
 """The conclusions judged in closed loop: which model follows the logs best, and how far the gap closes with it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

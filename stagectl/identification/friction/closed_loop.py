@@ -11,8 +11,6 @@ Source: A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 
 Identification Benchmarks, 2019.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Any, NamedTuple
 

@@ -3,8 +3,6 @@
 BIC = m ln(RSS/n) + p ln m          m: number of independent values that the n rows are worth, p parameters
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple

@@ -6,8 +6,6 @@ residual (variable projection, G. Golub, V. Pereyra, SIAM J. Numerical Analysis 
 a grid.  A delay that one law finds is not that of another: it takes up what the law does not explain.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

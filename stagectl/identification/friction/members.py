@@ -9,8 +9,6 @@ The plant has no table and no creep: it gets the stop operators with the same cu
 steady part ``k tau v``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 Each member is fitted as `fit` describes, and compared as `comparison` does.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -15,13 +13,7 @@ from stagectl.identification import standard_errors, thresholds
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction import closed_loop, comparison
 from stagectl.identification.friction.comparison import FIRST, Basis, bic
-from stagectl.identification.friction.fit import (
-    FrictionFit,
-    fitted,
-    plant,
-    prepared,
-    sensitivity,
-)
+from stagectl.identification.friction.fit import FrictionFit, fitted, plant, prepared, sensitivity
 from stagectl.identification.friction.members import FAMILY
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.identification.simultaneous.estimate import known_delay

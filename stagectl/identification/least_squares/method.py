@@ -8,8 +8,6 @@ an interval that excludes the inertia found.
 Source: a specification test as in J. A. Hausman, Econometrica 46(6), 1978.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from stagectl.config.stage_blocks import StageFile

@@ -19,8 +19,6 @@ Models of EMPS, Workshop on Nonlinear System Identification Benchmarks, 2019; Si
 Parameters and Nonlinear Rolling Friction for Ball Screw Driven Stage, section II (friction after a reversal).
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ fitted sine's phase from its first to its second half; a sweep turns further wit
 dwell.
 """
 
-from __future__ import annotations
-
 import itertools
 from typing import Any, NamedTuple
 

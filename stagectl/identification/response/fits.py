@@ -17,8 +17,6 @@ Source: Simultaneous Identification ..., section IV.A.1 and Fig. 4; the describi
 stop operator over a period (`kernels.friction`).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

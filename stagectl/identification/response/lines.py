@@ -14,8 +14,6 @@ The lines are corrected for the sampling (`sampling_correction`).
 Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2012, chapters 2 and 4.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 
@@ -28,14 +26,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited
 from stagectl.identification.response.dwells import dwells, injected
 from stagectl.identification.response.sampling_correction import Complex, sampling_correction
-from stagectl.identification.response.spectra import (
-    Spectra,
-    base_frequency,
-    keeps_moving,
-    multisine,
-    signals,
-    sine,
-)
+from stagectl.identification.response.spectra import Spectra, base_frequency, keeps_moving, multisine, signals, sine
 from stagectl.identification.result import Note, Topic
 
 

@@ -11,8 +11,6 @@ Otherwise the largest amplitude is fitted as it is, and a note warns that its D 
 Source: Simultaneous Identification ..., section IV.A.1, Figs 2 and 4.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

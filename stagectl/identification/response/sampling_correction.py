@@ -10,8 +10,6 @@ All of it is known, and is removed exactly, line by line (x = 2 pi f Ts, a = exp
 * a command acts nd periods late; captures have their positions at the instants they were latched at.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ window, half overlapping, so that the motion does not leak into the lines.
 Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2012, chapters 2 and 4.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import NamedTuple

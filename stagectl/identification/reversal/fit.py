@@ -11,8 +11,6 @@ friction is largest.
 Source: the friction paper of the linear slider, section 3 (there: a genetic algorithm).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The method `zero-crossing`: friction from captures of reversals, every form fitted and compared, one chosen."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

@@ -13,8 +13,6 @@ The mass and the viscous part come from the stage file.  The filter smooths a co
 millisecond (150 Hz), which lies far below the time constants sought.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

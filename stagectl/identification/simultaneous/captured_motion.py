@@ -1,7 +1,5 @@
 """All captures along their paths, through windows that hide an encoder's steps, and through those of the regression."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ acceleration have the same sign, as otherwise ``dJ a = -dD w`` may hide both err
 section IV.B).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

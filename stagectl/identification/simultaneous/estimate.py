@@ -16,8 +16,6 @@ have moved the axis.  Where the encoder's noise is seen, the rows pass all of th
 Source: direct identification in closed loop, L. Ljung, System Identification, 2nd ed., 1999, section 13.4.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -27,8 +27,6 @@ count as ``n / (c + n f / K)``: no record is worth more than K values per unit o
 at least that of an error of form of `FORM_ERROR` of the friction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Friction laws along a path, with parameters theta that are not linear; `refinement` searches for them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple

@@ -13,8 +13,6 @@ Source: Simultaneous Identification of Linear Parameters and Nonlinear Rolling F
 section IV.B; the operators as in `kernels.friction`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

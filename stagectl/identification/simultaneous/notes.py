@@ -1,7 +1,5 @@
 """Notes on an estimate: what it rests on, what it cannot separate, and what is left out of the stage file."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

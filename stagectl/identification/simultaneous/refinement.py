@@ -14,8 +14,6 @@ the axis is in the acceleration, and least squares with J among their weights wo
 Source: variable projection, G. Golub, V. Pereyra, SIAM J. Numerical Analysis 10(2), 1973.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -9,8 +9,6 @@ the start is not known.  It is forgotten once the axis has moved by twice the el
 rows before that are left out.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

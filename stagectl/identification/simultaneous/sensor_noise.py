@@ -1,7 +1,5 @@
 """What the noise of the current's sensor and the encoder's rounding leave in the rows of the regression."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagectl.identification import thresholds

@@ -1,7 +1,5 @@
 """How many rows count as one: the window correlates neighbours, and an error of form repeats in every stroke."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -21,8 +21,6 @@ Source: prediction errors in closed loop, L. Ljung, System Identification, 2nd e
 Yule's and Walker's equations, section 10.1; G. Schwarz, Annals of Statistics 6(2), 1978.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -14,8 +14,6 @@ Source: modulating functions, M. Shinbrot, Trans. ASME 79, 1957; the paper's zer
 Identification ..., section IV.B).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Expressions of the kernels in C, each with its type, and what Python's own functions are there."""
 
-from __future__ import annotations
-
 import ast
 import builtins
 import inspect

@@ -1,7 +1,5 @@
 """Statements of the kernels in C."""
 
-from __future__ import annotations
-
 import ast
 from typing import Any, get_args
 

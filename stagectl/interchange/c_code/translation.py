@@ -1,7 +1,5 @@
 """Kernels and all that they call, as one piece of C."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stagectl.interchange.c_code import types as read

@@ -3,8 +3,6 @@
 A type is what the kernel's annotation says: a block is a NamedTuple, and `Any` is an array of floats.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import math

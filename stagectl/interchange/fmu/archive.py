@@ -1,7 +1,5 @@
 """A stage as an FMU: descriptions, sources, a binary where there is a C compiler; checked and run by FMPy at once."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -3,8 +3,6 @@
 Source: Functional Mock-up Interface 3.0.2, chapters 2.4 and 2.5.
 """
 
-from __future__ import annotations
-
 import math
 from xml.etree import ElementTree
 

@@ -3,8 +3,6 @@
 The standard's functions in fmi3.c know nothing else of the model.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

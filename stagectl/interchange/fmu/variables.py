@@ -1,7 +1,5 @@
 """Variables of the FMU: the command, what the axis shows, and every parameter of the plant with its quantity."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, NamedTuple, get_type_hints
 

@@ -5,8 +5,6 @@
     table --> live columns --> time --> position and velocity --> reference --> efforts --> units --> words of --columns
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from pathlib import Path

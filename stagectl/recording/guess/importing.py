@@ -1,7 +1,5 @@
 """Any log as recordings: by its own words where it has them, else by a guess that is shown."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 from pathlib import Path

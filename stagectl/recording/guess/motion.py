@@ -4,8 +4,6 @@ All columns are taken in blocks, so that noise and encoder steps matter little: 
 others as their means.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The columns of a file, and what the words around each say of it: time, position, velocity, reference or effort."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Time runs evenly, a velocity is a derivative, a reference is followed, an effort drives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

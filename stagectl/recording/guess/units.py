@@ -1,7 +1,5 @@
 """Units: by the words around a column, by its magnitude, and by what makes two columns agree."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import NamedTuple

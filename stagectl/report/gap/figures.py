@@ -1,7 +1,5 @@
 """The figures of a diagnosis: coordinates, spans of time, shares, and a held-out run before and after."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

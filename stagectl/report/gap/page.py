@@ -1,7 +1,5 @@
 """The page of a diagnosis: the verdict, where the gap arises, which effects cause it, and how far it shrinks."""
 
-from __future__ import annotations
-
 import shlex
 
 from matplotlib.figure import Figure

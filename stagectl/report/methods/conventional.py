@@ -3,8 +3,6 @@
 Source of their form: Simultaneous Identification ..., Figs 2, 4, 5 and 6.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of the friction family: residual, errors in closed loop, and curve after a reversal of each model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

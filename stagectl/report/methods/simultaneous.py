@@ -4,8 +4,6 @@ The loops are the paper's Fig. 9: ``T_d = Kt i - J a - D w`` over the position, 
 viscous friction right, and with both right; then only the rolling friction remains.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

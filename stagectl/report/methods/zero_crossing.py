@@ -1,7 +1,5 @@
 """Figures of the zero-crossing identification: friction at a reversal and the fitted forms."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

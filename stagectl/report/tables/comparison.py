@@ -1,7 +1,5 @@
 """A comparison of layers: errors of each variant, and paired differences."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stagectl.number_format import length

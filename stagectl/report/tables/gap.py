@@ -1,7 +1,5 @@
 """A diagnosis in tables: effects, their values, and how far the gap closes."""
 
-from __future__ import annotations
-
 import math
 
 from stagectl.gap.effects.library import label

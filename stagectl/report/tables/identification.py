@@ -1,7 +1,5 @@
 """What an identification found: values with their intervals, and what is to be known about them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stagectl.report.page import Table

@@ -1,7 +1,5 @@
 """What a run achieved, in a sentence and in a table."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A designed feedback: gains, margins and closed loop."""
 
-from __future__ import annotations
-
 from stagectl.config.stage_file import Setup
 from stagectl.report.page import Table
 from stagectl.tuning.search import Tuned

@@ -1,7 +1,5 @@
 """The drive without its loop: what it reports over SDO, and within which distance it must stand."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import time

@@ -1,7 +1,5 @@
 """Every number that decides something in an acceptance, with unit, origin and effect; "chosen": by judgement."""
 
-from __future__ import annotations
-
 # How far, how fast and with how much current an axis is tried
 CURRENT_FACTOR = 2.0  # of the model's breakaway current; chosen; the test current, where none is given
 CURRENT_SHARE = 0.05  # of drive.current_limit; chosen; the same where the model has no friction

@@ -1,7 +1,5 @@
 """The signed page, with one figure a step: a person reads the HTML, a program the JSON next to it."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

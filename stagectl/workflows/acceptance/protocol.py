@@ -1,15 +1,12 @@
 """The steps in their order, each with a person's go-ahead; nothing moves after the first one that fails."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from stagectl.config.stage_file import Setup
-from stagectl.config.wire import canopen
+from stagectl.config.stage_file import Setup, canopen
 from stagectl.recording.metadata import versions
 from stagectl.units import StageError
 from stagectl.workflows.acceptance import steps

@@ -8,8 +8,6 @@ The hash is over the content as JSON with sorted keys and without spaces (UTF-8)
 the HMAC (RFC 2104), with a key that others do not have, shows one on purpose.
 """
 
-from __future__ import annotations
-
 import enum
 import hashlib
 import hmac

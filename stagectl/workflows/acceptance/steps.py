@@ -4,8 +4,6 @@ Without power: who the drive is, and what protects the axis when its controller 
 limit, and that the axis stands whatever becomes of its controller.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

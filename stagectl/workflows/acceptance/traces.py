@@ -1,7 +1,5 @@
 """What the axis did in one trial, few enough points to be signed and drawn."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -8,8 +8,6 @@
 Whatever happens here, the loop stops the axis by itself at a small speed, and within a window around the start.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import signal

@@ -9,8 +9,6 @@ FOLDER holds ``stage.yaml``, OUT gets ``answer.json`` and the last model.  A run
 ``runs`` lies in the working folder, as all that is recorded.  Rows that are none say that the machine lost its axis.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -5,8 +5,6 @@ it is given up, when all others are done.  Workers must see the same files under
 ``cluster`` brings Dask.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar

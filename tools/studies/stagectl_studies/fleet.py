@@ -1,7 +1,5 @@
 """Many machines, a folder each: the diagnosis of every one of them, in one line."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -8,8 +8,6 @@ In: an effort of a known form is added to the recorded one, as if the motor had 
 The loop never felt that force, so its controller counts as unknown, and the gap is that of the effort.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 

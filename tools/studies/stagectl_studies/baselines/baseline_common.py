@@ -1,7 +1,5 @@
 """What all baselines stand on: the session, its base refit, and the dictionary; and the form of their answers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

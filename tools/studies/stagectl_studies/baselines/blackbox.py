@@ -5,8 +5,6 @@ position modulo the pitch, acceleration, current and session clock, all of the s
 before.  Nothing measured of a held-out run enters its prediction.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagectl.gap.logs.session import Array, GapError, Log, Session

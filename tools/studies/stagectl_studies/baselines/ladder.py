@@ -4,8 +4,6 @@ The rungs are the six models of BAM in the terms of our library (Duclusaud, Pass
 Models for the Physics Simulation of Servo Actuators, arXiv 2410.08650).
 """
 
-from __future__ import annotations
-
 from stagectl.gap.selection import refine
 from stagectl_studies.baselines.baseline_common import Answer, Ground, shifts, singles
 

@@ -1,7 +1,5 @@
 """Told which effects are there: the best that this library can do on these logs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from stagectl.gap.selection import refine

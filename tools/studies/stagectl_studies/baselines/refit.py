@@ -1,7 +1,5 @@
 """Parameters alone: what MuJoCo's sysid or a least-squares fit of the rigid body would give."""
 
-from __future__ import annotations
-
 from stagectl_studies.baselines.baseline_common import Answer, Ground, shifts
 
 

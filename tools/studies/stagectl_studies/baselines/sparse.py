@@ -6,8 +6,6 @@ with S the sum of squares left by k columns over n samples (Schwarz, Annals of S
 autocorrelated, so that n is far too large a number of independent samples: that is what this baseline shows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The command `gap knock`: the diagnosis tested on a real record with a known answer."""
 
-from __future__ import annotations
-
 import enum
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The command `reproduce`: all figures and tables of a source paper next to our results, on one page."""
 
-from __future__ import annotations
-
 import json as jsonlib
 from pathlib import Path
 from typing import Annotated

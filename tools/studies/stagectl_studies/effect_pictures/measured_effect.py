@@ -1,7 +1,5 @@
 """The residual of an effect: a machine with it, simulated in closed loop, minus what a model without it explains."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One picture for each effect: the residual over its coordinate, of a machine with the effect and of one without it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 The machine is the ball-screw stage of the paper.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable

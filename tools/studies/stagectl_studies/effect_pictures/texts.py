@@ -1,7 +1,5 @@
 """The manual's text on each effect, as `texts.toml` has it."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 Shifts of values of the model are passed over in all of them: a baseline has no test of its own for what is off.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -14,8 +14,6 @@ current that the machine has learned without noise and rounding, and a target th
 feedforward from a model can do better.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Rows and table of the machines that were closed: how far from what is possible, and whether it was foretold."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

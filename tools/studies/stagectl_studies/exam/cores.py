@@ -1,7 +1,5 @@
 """Cores shared by the workers of an exam on one machine: each diagnosis holds its own, by a lock that dies with it."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import socket

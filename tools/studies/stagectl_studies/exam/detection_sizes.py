@@ -7,8 +7,6 @@ size in units of the typical one.  Noticed: the answer says anything beyond what
 judged at twice that limit: a class that is not noticed within `LARGEST` has no trials there, and is told.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 

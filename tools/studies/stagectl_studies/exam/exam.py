@@ -1,7 +1,5 @@
 """All trials of an exam: in any order, by whoever runs them, as often as a worker dies."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """The plant runs what a diagnosis asked for: three more captures, at their place in the session."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection
 from pathlib import Path

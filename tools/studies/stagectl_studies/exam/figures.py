@@ -1,7 +1,5 @@
 """The figures of an exam: who was taken for whom, from which size effects are noticed, calibration, closure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

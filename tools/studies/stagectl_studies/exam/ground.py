@@ -4,8 +4,6 @@ The exam's machine is a ball screw with a lead of 12 mm.  A record of another ax
 travel gives the same force for each kilogram.  Then all ratios that decide how an effect shows stay as they are.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Rates and medians with 95 % intervals that hold for small numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

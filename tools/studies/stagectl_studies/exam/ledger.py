@@ -1,7 +1,5 @@
 """One line for every exam that is begun, and one with its scores for each that was held, good or bad."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

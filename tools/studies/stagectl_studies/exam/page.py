@@ -1,7 +1,5 @@
 """The page of an exam: what was reached first, then what was taken for what, from which size, how sure, how far."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which trials an exam holds: strata with fixed quotas, effects dealt evenly, in an order that tells nothing."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A question put to a program under watch: its own folders, its own cores, its own time."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

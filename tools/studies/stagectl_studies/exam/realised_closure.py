@@ -8,8 +8,6 @@ with the values of nominal.yaml.  Rows before the axis has travelled `ZONE` are 
 that an earlier motion left.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -8,8 +8,6 @@ It ends after `ROUNDS`, or where nothing is asked for that a motion can do.  All
 are opened.  Each is judged as on a full battery: what the sines alone leave alike is told apart by what was asked for.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Lines of the exam's table: a value, its interval, the trials it is from, and what is asked of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple

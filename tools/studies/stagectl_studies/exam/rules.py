@@ -10,8 +10,6 @@
 * The verdict ``controller`` is the entry "controller"; what a diagnosis that failed says is nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 

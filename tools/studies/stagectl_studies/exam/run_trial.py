@@ -1,7 +1,5 @@
 """One trial from end to end, in one process; nothing of it is left on disk that the diagnosis could learn from."""
 
-from __future__ import annotations
-
 import functools
 import json
 import shutil

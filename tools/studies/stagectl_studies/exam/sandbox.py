@@ -9,8 +9,6 @@ a LOG with a line in it makes the trial void.  Files that a compiled library ope
 the labels lie enciphered.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import os

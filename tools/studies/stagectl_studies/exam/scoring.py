@@ -1,7 +1,5 @@
 """One trial's labels and answer as one record of plain values: what `totals` counts."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence

@@ -12,8 +12,6 @@ The hash of the labels also stands in a register of the whole exam.  `broken` re
 The cipher (XOR with SHAKE-256 of the salt) only keeps honest programs from reading by accident what is not theirs.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

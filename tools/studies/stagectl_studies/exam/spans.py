@@ -1,7 +1,5 @@
 """When the gap is open: truth by rows against spans of time, F1 over all rows of the captures that were judged."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

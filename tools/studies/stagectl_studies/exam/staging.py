@@ -1,7 +1,5 @@
 """A trial made ready: the user's folder, and the labels as one piece of bytes."""
 
-from __future__ import annotations
-
 import io
 import json
 import shutil

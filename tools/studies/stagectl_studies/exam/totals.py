@@ -1,7 +1,5 @@
 """From records to the rows of the exam's table: value, interval, number of trials, and what is asked."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """The local pool: each trial in a process of its own, so that one that dies takes no other with it."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

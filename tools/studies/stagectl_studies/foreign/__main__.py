@@ -1,7 +1,5 @@
 """``python -m stagectl_studies.foreign``: how many times lower the peak error is, by friction law and compensator."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A plan of stagectl on the exam's machine: its rows and its gains go in, a record comes out."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Machines by their law of friction: the exam's stages, with the noise of the ball-screw paper's drive."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One machine: a motion identified, then each compensator and learning tracked on motions that it has not seen."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

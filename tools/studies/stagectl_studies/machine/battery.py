@@ -1,7 +1,5 @@
 """What a session runs: the recommended battery, a poor one, a short one, and what is held out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

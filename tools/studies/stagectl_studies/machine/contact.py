@@ -4,8 +4,6 @@ Memory is one array of floats.  The contact is a function of displacement, so ea
 displacement of a step; the step's own error is then that of the motion alone.
 """
 
-from __future__ import annotations
-
 import math
 
 from stagectl_studies.machine.jit import compiled

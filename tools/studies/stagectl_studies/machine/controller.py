@@ -4,8 +4,6 @@ Designed on the nominal model.  e = y0 - position; PID with four closed-loop pol
 a = 4p - D/J, b2 = (6 p^2 J - D a)/Kt, b1 = 4 p^3 J/Kt, b0 = p^4 J/Kt, Ki = b0/a, Kp = (b1 - Ki)/a, Kd = (b2 - Kp)/a.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

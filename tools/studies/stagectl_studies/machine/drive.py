@@ -1,7 +1,5 @@
 """Encoder, bus and current loop."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ A shape is drawn from a wider family than a one-formula model of it: second harm
 constants.  The same random numbers give the same shape at every scale.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Effects that stand on no list: a diagnosis must answer "unknown"."""
 
-from __future__ import annotations
-
 from stagectl_studies.machine.effects import ALIENS, Draw, Rig, effect
 from stagectl_studies.machine.machine import (
     ACTIVITY_FRICTION,

@@ -1,7 +1,5 @@
 """Effects of mass, motor, structure, cable and guide."""
 
-from __future__ import annotations
-
 import math
 
 from stagectl_studies.machine.effects import Draw, Rig, effect, factor

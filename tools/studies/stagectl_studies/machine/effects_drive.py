@@ -1,7 +1,5 @@
 """Effects of encoder, bus, drive, record and controller."""
 
-from __future__ import annotations
-
 from stagectl_studies.machine.effects import Draw, Rig, effect, factor
 from stagectl_studies.machine.machine import Drive
 

@@ -1,7 +1,5 @@
 """Effects of friction."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stagectl_studies.machine.effects import Draw, Rig, effect, factor

@@ -1,7 +1,5 @@
 """What the user has: CSVs, captures.yaml and nominal.yaml."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """How the exam's loops are compiled: by numba, kept on disk under the hash of the exam's own sources."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Callable

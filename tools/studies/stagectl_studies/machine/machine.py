@@ -3,8 +3,6 @@
 SI units, motor side.  Positive current drives in the positive direction; friction is positive at positive speed.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

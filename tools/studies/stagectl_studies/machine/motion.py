@@ -1,7 +1,5 @@
 """Torques and accelerations of motor, load and base, and the explicit midpoint step."""
 
-from __future__ import annotations
-
 import math
 
 from stagectl_studies.machine.contact import contact

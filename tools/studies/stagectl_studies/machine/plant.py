@@ -1,7 +1,5 @@
 """Controller, drive and mechanics in one loop."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

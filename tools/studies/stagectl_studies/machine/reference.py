@@ -1,7 +1,5 @@
 """Segments of a reference: displacement from where they begin, one value a row, the beginning left out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -5,8 +5,6 @@ current   true current minus that of a drive without the effect, under the true 
 reported, position, command   the same for record, encoder and controller
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagectl_studies.machine.contact import MEMORY, contact

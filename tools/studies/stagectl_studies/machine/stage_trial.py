@@ -4,8 +4,6 @@
 writes DIR/captures (what the user has) and DIR/sealed (truth.json, truth.npz).
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Sequence

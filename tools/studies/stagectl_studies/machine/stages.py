@@ -1,7 +1,5 @@
 """Stages like stage A: random values, a random law of friction, and what their user believes of them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Written from the law's description, not from its code.  Friction holds the axis 
 that load over.  The next motion loads the friction again, so the integrator gives the part up over the way.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """One trial of the exam, drawn by a seed: a machine, its hidden effects, and the captures of its session."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What the user has not: the hidden effects, where each acts, and the runs without noise."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ The virtual machine is the stage file's.  Its operator believes a data sheet tha
 controllers of the tracking runs are designed from what the methods identified.  Only recordings reach a method.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup, load_stage

@@ -1,7 +1,5 @@
 """Ball-screw paper, section III: what friction depends on (Fig. 3)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagectl.report.page import Section, Table

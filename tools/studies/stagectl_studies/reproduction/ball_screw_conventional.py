@@ -1,7 +1,5 @@
 """Ball-screw paper, sections II to IV.A: response, constant and ultra-low speed (Figs. 2, 5 and 6)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ball-screw paper, section IV.A.1: a first-order curve fitted to the frequency response (Fig. 4)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

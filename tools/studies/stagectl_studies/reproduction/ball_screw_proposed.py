@@ -1,7 +1,5 @@
 """Ball-screw paper, section IV.B: simultaneous identification (Figs. 8 to 10), and all parameters side by side."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stagectl.identification.result import IdentificationResult, Parameter

@@ -1,7 +1,5 @@
 """Ball-screw paper, section IV.A.1: the step response, which it calls unsuitable."""
 
-from __future__ import annotations
-
 from stagectl.report.page import Section, Table
 from stagectl_studies.reproduction import figures_conventional as figures
 from stagectl_studies.reproduction import published

@@ -1,7 +1,5 @@
 """The ball-screw paper, figure by figure: what it states, what comes out here, and why they differ."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stagectl.number_format import length

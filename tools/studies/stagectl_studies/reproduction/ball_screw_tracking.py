@@ -1,7 +1,5 @@
 """Ball-screw paper, section V: references, tracking errors and inputs (Figs. 12 to 14)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagectl.number_format import length

@@ -4,8 +4,6 @@ What decides whether a figure agrees is in `published.py`; nothing here was fitt
 says so.
 """
 
-from __future__ import annotations
-
 # Ball-screw paper, Fig. 3(a): its equation has Tc, Ts and alpha, and no values.
 STRIBECK_RISE, STRIBECK_VELOCITY = 0.6, 1.0  # (Ts - Tc)/Tc; 1/alpha in rad/s, 2 mm/s: "ultra low"
 STRIBECK_SPEEDS = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 60.0)  # mm/s of the table, a decade either side

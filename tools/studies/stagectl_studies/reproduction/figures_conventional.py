@@ -1,7 +1,5 @@
 """Figures of the ball-screw paper, as panels: conventional identification (Figs. 2 to 6)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

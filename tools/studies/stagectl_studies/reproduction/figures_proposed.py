@@ -1,7 +1,5 @@
 """Figures of the ball-screw paper, as panels: simultaneous identification and tracking (Figs. 8 to 10, 12 to 14)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

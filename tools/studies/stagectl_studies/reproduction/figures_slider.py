@@ -1,7 +1,5 @@
 """Figures of the linear slider's friction paper: stroke end, standstill, release, compensation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -5,8 +5,6 @@ The slider paper finds its parameters by one (section 3.2) and describes it no f
 Source: D. E. Goldberg, Genetic Algorithms in Search, Optimization, and Machine Learning, 1989.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The two papers by name: carried out, judged in a sentence, and written as a page and as numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from stagectl.number_format import length

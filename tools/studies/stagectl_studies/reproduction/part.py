@@ -1,7 +1,5 @@
 """One figure or table of a paper, reproduced: what the page shows and what the JSON file holds."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from stagectl.report.page import Section

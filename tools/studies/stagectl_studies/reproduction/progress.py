@@ -1,7 +1,5 @@
 """How far a reproduction has come: steps that take known times, so that the time left can be told."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 Tell = Callable[[int, int], None]  # done, total

@@ -1,7 +1,5 @@
 """What the two papers state in numbers.  Their figures have no numbers beyond these in the text that we have."""
 
-from __future__ import annotations
-
 # Simultaneous Identification of Linear Parameters and Nonlinear Rolling Friction for Ball Screw Driven Stage.
 FORCE_CONSTANT = 0.72  # N m/A, section IV.A.1
 INERTIA = 0.010  # kg m^2, both routes

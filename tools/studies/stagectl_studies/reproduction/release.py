@@ -7,8 +7,6 @@ is slightly off does not matter, as it moves the crossings up and down alternate
 Source: the friction paper of the linear slider, section 2.2, Figs. 4 and 5.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

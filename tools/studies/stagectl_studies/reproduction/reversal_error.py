@@ -11,8 +11,6 @@ At a turn from positive to negative velocity that is reference minus measured: t
 paper of the linear slider, Fig. 10).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

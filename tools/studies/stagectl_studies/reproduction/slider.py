@@ -5,8 +5,6 @@ friction are taken as known, as in the paper, the rolling friction is not.  No c
 its errors are those of friction.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup, load_stage

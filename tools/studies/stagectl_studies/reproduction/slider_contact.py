@@ -8,8 +8,6 @@ effect of the plant (`friction.lag`), no law of its own.
 Source of the lag: D. P. Hess, A. Soom, Journal of Tribology 112, 1990.  Its size is chosen (`chosen.FRICTION_LAG`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

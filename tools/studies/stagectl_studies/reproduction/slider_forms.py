@@ -6,8 +6,6 @@ Stribeck rise left, or a dip in the place of one.  The paper's own agrees with t
 velocity is greater than zero ... the same", Fig. 8).
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Slider paper: Figs. 6 to 10 as parts of a page: the forms, their fits, and what they compensate."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Slider paper: Figs. 3 to 5 as parts of a page, ours beside the paper's numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stagectl.report.figures import embedded

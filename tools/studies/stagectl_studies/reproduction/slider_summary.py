@@ -1,7 +1,5 @@
 """The slider paper, figure by figure: what it states, what comes out here, and why they differ."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stagectl_studies.reproduction import published

@@ -8,8 +8,6 @@ Friction takes Tc off the torque for the whole rise.  The response keeps its sha
 come out too large, by ``1 / (1 - Tc/(Kt i))``: the less, the larger the step.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ one; it runs at constant speeds down to ultra-low ones, and the paper's equation
     T_fric = {D |w| + T_c + (T_s - T_c) exp(-alpha |w|)} sgn(w)
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What became of each figure and method of a paper: the table at the top of its page."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from typing import NamedTuple
 

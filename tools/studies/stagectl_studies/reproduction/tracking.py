@@ -7,8 +7,6 @@ proposed method.  The others are the models that its introduction names, from th
 a machine without current noise and on one with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
