@@ -13,6 +13,7 @@ EXTRAS = {
     "mcap": ("mcap",),
     "mujoco": ("mujoco",),
     "fmu": ("fmpy",),
+    "foxglove": ("foxglove",),
     "exam": ("sklearn",),
 }
 

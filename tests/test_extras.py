@@ -25,7 +25,7 @@ from tests.conftest import CONFIG, ROOT
 
 STAGE, SINE = CONFIG / "ball-screw.yaml", CONFIG / "trajectories/sine-1.6hz.yaml"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-DISTRIBUTIONS = {"sklearn": "scikit-learn"}
+DISTRIBUTIONS = {"sklearn": "scikit-learn", "foxglove": "foxglove-sdk"}
 
 
 def _names(requirements: list[str]) -> set[str]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli.addresses import tcp_port
+from stagectl.cli.addresses import foxglove_address, tcp_port
 from stagectl.cli.options import (
     AxisName,
     Channel,
@@ -45,6 +45,9 @@ def serve(
     ] = None,
     token: Annotated[Path | None, option("--token FILE", "File with the token; created if missing.")] = None,
     tcp_may_move: Annotated[bool, option("--tcp-may-move", "The token also allows moving.")] = False,
+    foxglove: Annotated[
+        str | None, option("--foxglove HOST:PORT", "Send every row to Foxglove; no access control.")
+    ] = None,
     uncoupled: Annotated[bool, option("--uncoupled", "A fault of one axis does not stop the others.")] = False,
     json: Lines = None,
 ) -> None:
@@ -70,7 +73,7 @@ def serve(
     for name, axis in axes.items():
         if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
-    service = Service(axes, ServicePaths(place, folder), coupled, say)
+    service = Service(axes, ServicePaths(place, folder, foxglove_address(foxglove)), coupled, say)
     run(service, tcp_port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 
 

@@ -8,6 +8,7 @@ from stagectl.drives.drive import Canopen
 from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.black_box import BlackBoxOrder
 from stagectl.service.child_process import Child, rank, start
+from stagectl.service.foxglove_live import Feed, Source
 from stagectl.service.limits import AT_ONCE, LOOP
 from stagectl.service.recordings import about
 from stagectl.service.stop_link import ServicePaths
@@ -24,6 +25,16 @@ async def heard_of(exit_code: int) -> str:
     if exit_code == 0:
         await asyncio.sleep(AT_ONCE)
     return f"signal {-exit_code}" if exit_code < 0 else f"exit {exit_code}"
+
+
+def _source(axis: AxisController) -> Source:
+    from stagectl.recording.exports import described  # large imports, seldom needed
+    from stagectl.recording.in_memory import units_of
+    from stagectl.recording.mcap_log import definition
+
+    ring, fields = axis.ring, described(units_of(COLUMNS, axis.setup.file.axis.kind))
+    places = tuple(COLUMNS.index(name) for name in fields)
+    return Source(axis.name, ring.place, places, definition(fields))
 
 
 def silence(axis: AxisController) -> float:
@@ -53,12 +64,17 @@ class Companions:
         self._waiting: set[Child] = set()  # black boxes that have said so
         self._stop_path: Child | None = None
         self._told = False  # the stop path, what the kernel refused the loop
+        self._live: Child | None = None
 
     def spawn(self, alive: int, stop_socket: int) -> None:
         """Start all; `alive` is the pipe that the real-time process holds."""
         self._alive, self._stop_socket = alive, stop_socket
         self._start_stop_path()
         self._boxes = {name: self._box(axis) for name, axis in self._axes.items()}
+        if self._paths.foxglove:
+            rings = (axis.ring.descriptor for axis in self._axes.values())
+            self._live = start("stagectl.service.foxglove_live", (*rings, alive), "interpreted")
+            self._live.send(Feed(tuple(map(_source, self._axes.values())), *self._paths.foxglove, alive))
 
     def takes_stops(self, refused: list[str]) -> bool:
         """Whether the stop path is ready; then it has been told what the kernel `refused` the loop."""
@@ -67,6 +83,10 @@ class Companions:
             path.send(refused)
             self._told = True
         return self._told
+
+    def address(self) -> str:
+        """Where Foxglove finds its server; empty where there is none."""
+        return self._live.line() if self._live is not None else ""
 
     def look(self) -> None:
         """Hear the black boxes; start again what died while the loop lives."""
@@ -81,6 +101,10 @@ class Companions:
         if (path := self._stop_path) is not None and _over(path):
             self._note("", "stop_path_died", f"the stop path ended ({path.ended}); a new one was started")
             self._start_stop_path()
+        if self._live is not None and _over(self._live):
+            self._live = None
+            words = "Foxglove's server ended; see the messages above, then restart the service"
+            self._note("", "foxglove_ended", words)
 
     def leaving(self) -> list[tuple[Child, float]]:
         """The real-time process is gone: those that end with it, and how long (s) each may take."""
@@ -88,9 +112,9 @@ class Companions:
             self._hear(name, box)
         going = [box for box in self._boxes.values() if box not in self._waiting]
         self._lingering += [(name, box) for name, box in self._boxes.items() if box in self._waiting]
-        path = [] if self._stop_path is None else [(self._stop_path, _LEAVE)]
-        self._boxes, self._stop_path = {}, None
-        return [*((box, _WRITE) for box in going), *path]
+        others = [child for child in (self._stop_path, self._live) if child is not None]
+        self._boxes, self._stop_path, self._live = {}, None, None
+        return [*((box, _WRITE) for box in going), *((child, _LEAVE) for child in others)]
 
     def last(self) -> list[tuple[Child, float]]:
         """The service ends: black boxes that still wait for room try once more."""

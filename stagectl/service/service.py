@@ -88,6 +88,8 @@ class Service:
         await self._up()
         self._probe = Probe(self.paths.stop)
         self._ends.callback(self._probe.close)
+        if self.paths.foxglove and (address := await asyncio.to_thread(self._companions.address)):
+            self.say(f"for Foxglove: {address}")
 
     def end(self) -> None:
         """Stop what moves, end the processes, release the machine."""

@@ -27,6 +27,7 @@ class ServicePaths(NamedTuple):
 
     socket: Path
     state: Path  # folder: black boxes, and the mark of a service that runs
+    foxglove: tuple[str, int] | None = None  # host and port of its live view; None: no live view
 
     @property
     def stop(self) -> Path:
