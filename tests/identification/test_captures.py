@@ -83,6 +83,23 @@ def test_a_gap_splits_and_the_rest_is_used(columns: dict[str, Array], ball_screw
     assert solved(parts, ball_screw) == pytest.approx([J, D, TC], rel=0.02)
 
 
+def test_a_part_that_stands_still_or_is_too_short_costs_only_itself(
+    columns: dict[str, Array], ball_screw: Setup
+) -> None:
+    """One of four parts has the axis at rest, one too few rows for the filter of the regression."""
+    left = {
+        name: np.delete(values, [*range(9000, 9100), *range(12000, 12100), *range(12500, 12600)])
+        for name, values in columns.items()
+    }
+    left["measured"][9000:11900] = left["measured"][9000]
+    captures = prepared([recording(left)], ball_screw)
+    assert [len(capture.time) for capture in captures] == [9000, 400, ROWS - 12600]
+    assert Topic.LEFT_OUT in topics(captures[0].notes)
+    fit = identify("least-squares", captures, ball_screw.file, silent, {})
+    assert fit.parameters["inertia"].value == pytest.approx(J, rel=0.02)
+    assert Topic.LEFT_OUT in topics(fit.notes)
+
+
 def test_windows_and_excitation_go_with_their_part(columns: dict[str, Array], ball_screw: Setup) -> None:
     spans = [{"start": 1.0, "end": 4.0, "kind": "sine"}, {"start": 4.2, "end": 6.0}, {"start": 6.0, "end": 9.0}]
     left = {name: np.delete(values, slice(9000, 9400)) for name, values in columns.items()}
