@@ -206,6 +206,14 @@ def test_a_negative_inertia_is_no_result(high: float, possible: bool) -> None:
     assert caught.value.reason is Refusal.IMPLAUSIBLE and caught.value.admissible == "(0, inf)"
 
 
+def test_a_clear_friction_speaks_for_the_columns() -> None:
+    """A slow joint whose gravity is not modelled: its friction is found, the columns are not exchanged."""
+    friction = Parameter(5.0, 4.8, 5.2, "N m")
+    with pytest.raises(IdentificationError) as caught:
+        check_possible({"inertia": Parameter(-0.01, -0.02, -0.001, "kg m^2"), "coulomb": friction})
+    assert caught.value.reason is Refusal.ILL_CONDITIONED and caught.value.admissible == "(0, inf)"
+
+
 def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw: Setup) -> None:
     (capture,) = prepared([spoilt(columns, lambda c: c["measured_current"].__imul__(1e3))], ball_screw, doubtful=True)
     assert topics(capture.notes) == {Topic.LIMIT, Topic.UNITS} and "in mA" in capture.notes[-1]
