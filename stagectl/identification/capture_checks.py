@@ -136,9 +136,9 @@ def check_possible(values: Mapping[str, Parameter]) -> None:
 
 _EXCHANGED = "the columns of position and current may be exchanged, or one of them has the opposite sign"
 _FORCE_LACKING = (
-    "the friction is clear, so columns and signs are right; a force that is not in the model moves with the acceleration, "
-    "such as gravity, another joint or a current that comes late, and the inertia's own is smaller: record larger "
-    "accelerations of this axis alone, or go on with --doubtful for the friction"
+    "the friction is clear, so columns and signs are right; a force that is not in the model goes with the "
+    "acceleration and hides that of the inertia (gravity, another joint, a late current): record larger "
+    "accelerations, or go on with --doubtful for the friction"
 )
 _ANOTHER = "not the same machine, or a wrong unit"
 

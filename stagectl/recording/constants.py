@@ -91,6 +91,7 @@ SAME_STEP = 5e-3  # relative difference of a step from the one that a wrong unit
 RARE_ROWS = 0.1  # s between rows: rarer ones hold no reversal, and are more likely in another unit of time
 MODEL_FITS, MODEL_DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
 MUCH_BETTER = 0.45  # times the unexplained share as recorded: a ratio of two units is not found by chance
+NOMINAL_OFF = 3.0  # factor by which each nominal value may be wrong, either way
 MOTION_BAND = 0.02  # cycles a sample: the motion is below, noise above
 CHECKED_ROWS = 50_000  # rows that are looked at; longer logs are averaged in blocks
 UNIT_SLOW = 1e-3  # of the largest speed: below it the model's friction changes its sign smoothly

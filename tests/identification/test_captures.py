@@ -266,6 +266,18 @@ def test_wrong_units_are_seen_by_a_model_that_is_a_third_off(
     assert Topic.UNITS in str(caught.value.value)
 
 
+def test_an_inertia_that_is_three_times_too_large_is_no_wrong_unit_of_time(
+    columns: dict[str, Array], ball_screw: Setup
+) -> None:
+    """Slow, the axis is all friction, which is right; times a thousand times too small would hide the inertia."""
+    velocity = np.gradient(columns["measured"], DT)
+    acceleration = np.gradient(velocity, DT)
+    force = TC * np.sign(velocity) + 0.34 * J * acceleration + 0.34 * D * velocity
+    made = {**columns, "measured_current": force / ball_screw.file.motor.force_constant}
+    (capture,) = prepared([recording(made)], ball_screw)
+    assert Topic.UNITS not in topics(capture.notes)
+
+
 def test_the_step_of_the_positions_names_their_unit(columns: dict[str, Array], ball_screw: Setup) -> None:
     """Millimetres of the table under a header in rad: a lead of 12 mm makes 1.91 of each step of the encoder."""
     step, per_unit = ball_screw.stage.encoder.step, 1e3 * ball_screw.file.axis.travel_per_unit
