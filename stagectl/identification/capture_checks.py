@@ -117,16 +117,27 @@ def _apart(name: str, alone: Mapping[str, Mapping[str, Parameter]]) -> str:
 
 
 def check_possible(values: Mapping[str, Parameter]) -> None:
-    """Raise IdentificationError where the whole interval of the inertia is below 0: no machine has that."""
-    inertia = values.get("inertia")
+    """Raise IdentificationError where the whole interval of the inertia is below 0: no machine has that.
+
+    A Coulomb friction that is clearly above 0 speaks for the columns and their signs.
+    """
+    inertia, coulomb = values.get("inertia"), values.get("coulomb")
     if inertia is not None and inertia.high < 0.0:
+        rubs = coulomb is not None and coulomb.low > 0.0
         text = (
             f"inertia = {inertia.value:.3g} {inertia.unit} ({inertia.low:.3g} to {inertia.high:.3g}); must be above 0: "
-            "the columns of position and current may be exchanged, or one of them has the opposite sign"
+            f"{_FORCE_LACKING if rubs else _EXCHANGED}"
         )
-        raise IdentificationError(text, Refusal.IMPLAUSIBLE, value=f"{inertia.value:.3g}", admissible="(0, inf)")
+        reason = Refusal.ILL_CONDITIONED if rubs else Refusal.IMPLAUSIBLE
+        raise IdentificationError(text, reason, value=f"{inertia.value:.3g}", admissible="(0, inf)")
 
 
+_EXCHANGED = "the columns of position and current may be exchanged, or one of them has the opposite sign"
+_FORCE_LACKING = (
+    "the friction is clear, so columns and signs are right; a force that is not in the model goes with the "
+    "acceleration and hides that of the inertia (gravity, another joint, a late current): record larger "
+    "accelerations, or go on with --doubtful for the friction"
+)
 _ANOTHER = "not the same machine, or a wrong unit"
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from stagectl.config.stage_file import Setup
+from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
 from stagectl.identification.capture_checks import remarks, suspicions
 from stagectl.identification.resampling import Part, parts
@@ -88,7 +89,7 @@ def _captures(recording: Recording, setup: Setup, current: str | None, doubtful:
     chosen = _current(recording, current)
     columns, notes = _aligned(recording, chosen)
     time = columns.pop("time")
-    pieces, part_notes = parts(time, columns, _SMOOTH)
+    pieces, part_notes = _moved(*parts(time, columns, _SMOOTH), recording)
     without = tuple(WITHOUT.values())  # missing columns that an identification needs are reported by its own notes
     notes += [note for note in recording.meta.get("notes", []) if note not in without]
     stand_in: list[str] = []
@@ -152,11 +153,26 @@ def _capture(recording: Recording, part: Part, current: str, number: tuple[int, 
         current_column=current,
         excitation=part.columns.get("excitation"),
         reference=part.columns.get("reference"),
-        encoder_step=float(meta["axis"].get("encoder_step") or 0.0),
+        encoder_step=_encoder_step(recording),
         steady=_window(meta.get("steady"), part, length),
         meta={**meta, "excitation": _excitations(meta, part, length)} if "excitation" in meta else meta,
         notes=(*notes, part.note) if part.note else tuple(notes),
     )
+
+
+def _moved(pieces: list[Part], notes: list[str], recording: Recording) -> tuple[list[Part], list[str]]:
+    """The parts of a record in which the axis moves, and the notes; all of them where it never does."""
+    least = thresholds.MOVED_STEPS * _encoder_step(recording)
+    moved = [part for part in pieces if np.ptp(part.columns["position"]) > least]
+    if not moved or len(moved) == len(pieces):
+        return pieces, notes
+    still = len(pieces) - len(moved)
+    text = f"{still} of {len(pieces)} parts between gaps stand still and are left out"
+    return moved, [*notes, Note(Topic.LEFT_OUT, text)]
+
+
+def _encoder_step(recording: Recording) -> float:
+    return float(recording.meta["axis"].get("encoder_step") or 0.0)
 
 
 def _window(window: Sequence[float] | None, part: Part, rows: int) -> tuple[float, float] | None:

@@ -4,10 +4,13 @@ The position passes a zero-phase Butterworth low-pass of fourth order; velocity 
 cubic splines through it, which are true up to the cut-off.  Central differences are not: with a motion of 3 Hz in a log
 of 100 Hz they make the inertia 1.2 % too large.  The ends, where the filter knows one side only, are cut off.  Then all
 columns pass the same zero-phase low-pass at 0.8 of the new Nyquist frequency and are decimated ("parallel filter":
-filtering both sides of a linear equation keeps its solution).
+filtering both sides of a linear equation keeps its solution).  It lies at 0.4 of the cut-off, where the filter that
+only the position passes is still neutral.
 
-The cut-off is a tenth of the sampling rate (100 Hz at 1 kHz, the usual choice for robots).  It is lower where the
-encoder's noise would otherwise exceed a hundredth of the acceleration's variance; there that noise grows with the
+The cut-off is a tenth of the sampling rate: 100 Hz at 1 kHz, the usual choice for robots, leaves the motion far below.
+In a log of 100 Hz it may not: the cut-off is higher, up to the usual one, where the low-pass would cut off more than a
+tenth of the acceleration's variance, for what is left of such a motion tells friction from inertia no longer.  It is
+lower where the encoder's noise would otherwise exceed a hundredth of that variance; there that noise grows with the
 fifth power of the cut-off.  Noise that the encoder has not made does not show there: a regression must look for it at
 lower cut-offs.
 
@@ -27,6 +30,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, IdentificationError, Refusal
 
 ORDER = 4
+PASSED = 0.4  # of the cut-off: 0.8 of the Nyquist frequency after the decimation
 
 
 class FilterDesign(NamedTuple):
@@ -94,20 +98,30 @@ def _low_pass(decimate: int) -> Array:
 
 
 def _automatic_cutoff(position: Array, dt: float) -> float:
-    """A tenth of the sampling rate, or less where the encoder's noise requires it (Hz)."""
-    cutoff, density = thresholds.CUTOFF_SHARE / dt, _noise_density(position, dt)
-    while cutoff > thresholds.LOWEST_CUTOFF_SHARE / dt and len(position) > 2 * thresholds.FILTERED_LEAST_ROWS:
+    """A tenth of the sampling rate; more where the motion has it, less where the encoder's noise requires it (Hz)."""
+    usual = thresholds.CUTOFF_SHARE / dt
+    if len(position) <= 2 * thresholds.FILTERED_LEAST_ROWS:
+        return usual
+    highest = max(usual, min(thresholds.HIGHEST_CUTOFF * usual, thresholds.USUAL_CUTOFF))
+    cutoff, density = highest, _noise_density(position, dt)
+    while True:
         acceleration = filtered_motion(position, FilterDesign(cutoff, 1, dt)).acceleration
         noise = (2.0 * math.pi) ** 4 * density * cutoff**5 / 5.0
-        if noise <= thresholds.ACCELERATION_NOISE * float(np.var(acceleration)):
+        quiet = noise <= thresholds.ACCELERATION_NOISE * float(np.var(acceleration))
+        if quiet or cutoff <= thresholds.LOWEST_CUTOFF_SHARE / dt:
             break
         cutoff *= 0.8
-    return cutoff
+    return min(cutoff, max(usual, _fastest(acceleration, dt) / PASSED))
+
+
+def _fastest(acceleration: Array, dt: float) -> float:
+    """The frequency (Hz) above which the share `CUT_MOTION` of the acceleration's variance lies."""
+    frequency, power = signal.periodogram(acceleration, 1.0 / dt, "hann")
+    above = np.cumsum(power[::-1])[::-1] > thresholds.CUT_MOTION * float(np.sum(power))
+    return float(np.max(frequency[above], initial=0.0))
 
 
 def _noise_density(position: Array, dt: float) -> float:
     """Density (m^2/Hz | rad^2/Hz) of white noise in `position`, from the upper half of its spectrum."""
-    if len(position) <= 2 * thresholds.FILTERED_LEAST_ROWS:
-        return 0.0
     upper = signal.sosfiltfilt(signal.butter(ORDER, 0.25 / dt, "highpass", fs=1.0 / dt, output="sos"), position)
     return float(np.var(upper)) / (0.25 / dt)

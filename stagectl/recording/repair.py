@@ -2,10 +2,14 @@
 
 ::
 
-    rows without a number --> rows written twice --> rounded stamps --> spikes --> wraps --> what is clipped (named)
+    rows without a number --> rows written twice --> rounded stamps --> stamps of two rows --> spikes --> wraps
+    --> what is clipped (named)
 
 A rounded clock hides equal spacing, and equal spacing can be recovered: row k was taken at ``start + k dt``, and no
 stamp is further from it than one step of the clock.  Stamps that scatter by more are real instants and stay.
+
+Two rows that differ and have one stamp cannot both be right, and the log does not say which is: a few of them are left
+out, both.  Many are no slips of a clock, and stay: such a log has no times.
 
 A spike is one row that leaves its neighbours and comes back: ``x - (x[k-1] + x[k+1])/2`` is large there, minus half as
 large in the rows beside it, and small elsewhere.  A wrap is a jump that stays, as large as the counter's whole range,
@@ -35,6 +39,7 @@ def repaired(log: Log) -> Log:
     columns = _on_position_rows(log, notes)
     columns = _without_repeats(columns, notes)
     columns["time"] = recovered(columns["time"], notes)
+    columns = _without_conflicts(columns, notes)
     columns = _without_spikes(log, columns, notes)
     _unwrap(log, columns, notes)
     _note_clipped(log, columns, notes)
@@ -87,6 +92,17 @@ def _without_repeats(columns: dict[str, Array], notes: list[str]) -> dict[str, A
     return {name: column[~again] for name, column in columns.items()}
 
 
+def _without_conflicts(columns: dict[str, Array], notes: list[str]) -> dict[str, Array]:
+    time = columns["time"]
+    same = np.diff(time) == 0.0
+    bad = np.concatenate([[False], same]) | np.concatenate([same, [False]])
+    if not np.any(bad) or np.count_nonzero(same) > constants.MOST_MISREAD * len(time):
+        return columns
+    words = f"{np.count_nonzero(bad)} of {len(time)} rows share their time with another row and differ from it"
+    notes.append(f"{words}, the first at {time[int(np.argmax(bad))] - time[0]:.6g} s: left out")
+    return {name: column[~bad] for name, column in columns.items()}
+
+
 def _without_spikes(log: Log, columns: dict[str, Array], notes: list[str]) -> dict[str, Array]:
     time, bad = columns["time"], np.zeros(len(columns["time"]), dtype=np.bool_)
     for name in (*_POSITIONS, *_EFFORTS):
@@ -137,7 +153,7 @@ def spikes(column: Array, effort: bool) -> NDArray[np.intp]:
     if effort:
         middle = float(np.median(column))
         rows = rows[np.abs(column[rows] - middle) > constants.SPIKE_EFFORT * _high(np.abs(column - middle))]
-    return rows if len(rows) <= constants.MOST_SPIKES * len(column) else rows[:0]
+    return rows if len(rows) <= constants.MOST_MISREAD * len(column) else rows[:0]
 
 
 def wrap_of(position: Array, step: float) -> float:

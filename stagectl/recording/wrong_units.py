@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import optimize, signal
 
 from stagectl.kernels import stage
 from stagectl.number_format import duration
@@ -146,17 +146,36 @@ def likely_mistake(motion: Motion, p: stage.Stage) -> Mistake | None:
     as_recorded = _unexplained(motion, p, Mistake(1.0, 1.0, 1.0, ""))
     share, best = min(((_unexplained(motion, p, mistake), mistake) for mistake in MISTAKES), key=lambda pair: pair[0])
     blind = as_recorded > constants.MODEL_DIFFERS and share < constants.MODEL_FITS
-    return best if blind or share < min(constants.MODEL_FITS, constants.MUCH_BETTER * as_recorded) else None
+    if not blind and share >= min(constants.MODEL_FITS, constants.MUCH_BETTER * as_recorded):
+        return None
+    as_it_is = _unexplained_at_best(motion, p, Mistake(1.0, 1.0, 1.0, ""))
+    return best if _unexplained_at_best(motion, p, best) < constants.MUCH_BETTER * as_it_is else None
 
 
 def _unexplained(motion: Motion, p: stage.Stage, wrong: Mistake) -> float:
     """Share of the logged force that the model `p` does not give, after a correction."""
+    force = p.motor.force_constant * wrong.current * motion.current
+    difference = (force - force.mean()) - _parts(motion, p, wrong).sum(axis=1)
+    return _share(difference, force)
+
+
+def _unexplained_at_best(motion: Motion, p: stage.Stage, wrong: Mistake) -> float:
+    """The same, with each nominal value as far off as it may be: a wrong inertia is no wrong unit of time."""
+    force, off = p.motor.force_constant * wrong.current * motion.current, constants.NOMINAL_OFF
+    found = optimize.lsq_linear(_parts(motion, p, wrong), force - force.mean(), (1.0 / off, off))
+    return _share(found.fun, force)
+
+
+def _parts(motion: Motion, p: stage.Stage, wrong: Mistake) -> Array:
+    """Forces (n, 3) of inertia, viscous and Coulomb friction after a correction, each without its mean."""
     v = motion.velocity * (wrong.position / wrong.time)
     a = motion.acceleration * (wrong.position / wrong.time**2)
-    coulomb = stage.sliding(p.friction)
     slow = constants.UNIT_SLOW * float(np.abs(v).max())
-    model = p.mechanics.inertia * a + p.mechanics.viscous * v + coulomb * v / (np.abs(v) + slow)
-    force = p.motor.force_constant * wrong.current * motion.current
-    difference = (force - force.mean()) - (model - model.mean())
+    sizes = p.mechanics.inertia, p.mechanics.viscous, stage.sliding(p.friction)
+    parts = np.column_stack([size * part for size, part in zip(sizes, (a, v, v / (np.abs(v) + slow)), strict=True)])
+    return np.asarray(parts - parts.mean(axis=0))
+
+
+def _share(difference: Array, force: Array) -> float:
     size = float(np.linalg.norm(force - force.mean()))
     return float(np.linalg.norm(difference)) / size if size > 0.0 else math.inf

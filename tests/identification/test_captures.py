@@ -83,6 +83,23 @@ def test_a_gap_splits_and_the_rest_is_used(columns: dict[str, Array], ball_screw
     assert solved(parts, ball_screw) == pytest.approx([J, D, TC], rel=0.02)
 
 
+def test_a_part_that_stands_still_or_is_too_short_costs_only_itself(
+    columns: dict[str, Array], ball_screw: Setup
+) -> None:
+    """One of four parts has the axis at rest, one too few rows for the filter of the regression."""
+    left = {
+        name: np.delete(values, [*range(9000, 9100), *range(12000, 12100), *range(12500, 12600)])
+        for name, values in columns.items()
+    }
+    left["measured"][9000:11900] = left["measured"][9000]
+    captures = prepared([recording(left)], ball_screw)
+    assert [len(capture.time) for capture in captures] == [9000, 400, ROWS - 12600]
+    assert Topic.LEFT_OUT in topics(captures[0].notes)
+    fit = identify("least-squares", captures, ball_screw.file, silent, {})
+    assert fit.parameters["inertia"].value == pytest.approx(J, rel=0.02)
+    assert Topic.LEFT_OUT in topics(fit.notes)
+
+
 def test_windows_and_excitation_go_with_their_part(columns: dict[str, Array], ball_screw: Setup) -> None:
     spans = [{"start": 1.0, "end": 4.0, "kind": "sine"}, {"start": 4.2, "end": 6.0}, {"start": 6.0, "end": 9.0}]
     left = {name: np.delete(values, slice(9000, 9400)) for name, values in columns.items()}
@@ -189,6 +206,14 @@ def test_a_negative_inertia_is_no_result(high: float, possible: bool) -> None:
     assert caught.value.reason is Refusal.IMPLAUSIBLE and caught.value.admissible == "(0, inf)"
 
 
+def test_a_clear_friction_speaks_for_the_columns() -> None:
+    """A slow joint whose gravity is not modelled: its friction is found, the columns are not exchanged."""
+    friction = Parameter(5.0, 4.8, 5.2, "N m")
+    with pytest.raises(IdentificationError) as caught:
+        check_possible({"inertia": Parameter(-0.01, -0.02, -0.001, "kg m^2"), "coulomb": friction})
+    assert caught.value.reason is Refusal.ILL_CONDITIONED and caught.value.admissible == "(0, inf)"
+
+
 def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw: Setup) -> None:
     (capture,) = prepared([spoilt(columns, lambda c: c["measured_current"].__imul__(1e3))], ball_screw, doubtful=True)
     assert topics(capture.notes) == {Topic.LIMIT, Topic.UNITS} and "in mA" in capture.notes[-1]
@@ -239,6 +264,18 @@ def test_wrong_units_are_seen_by_a_model_that_is_a_third_off(
     with pytest.raises(IdentificationError) as caught:
         prepared([spoilt(columns, lambda c: c[column].__imul__(factor))], setup)
     assert Topic.UNITS in str(caught.value.value)
+
+
+def test_an_inertia_that_is_three_times_too_large_is_no_wrong_unit_of_time(
+    columns: dict[str, Array], ball_screw: Setup
+) -> None:
+    """Slow, the axis is all friction, which is right; times a thousand times too small would hide the inertia."""
+    velocity = np.gradient(columns["measured"], DT)
+    acceleration = np.gradient(velocity, DT)
+    force = TC * np.sign(velocity) + 0.34 * J * acceleration + 0.34 * D * velocity
+    made = {**columns, "measured_current": force / ball_screw.file.motor.force_constant}
+    (capture,) = prepared([recording(made)], ball_screw)
+    assert Topic.UNITS not in topics(capture.notes)
 
 
 def test_the_step_of_the_positions_names_their_unit(columns: dict[str, Array], ball_screw: Setup) -> None:

@@ -206,6 +206,20 @@ def test_the_recipe_follows_rate_and_noise() -> None:
     assert solution.estimates["viscous"].value == pytest.approx(TRUE[1], rel=0.02)
 
 
+def test_a_slow_log_of_a_short_stroke_keeps_its_motion() -> None:
+    """Ten reversals a second at 100 Hz: a low-pass at 4 Hz cut most of the motion off."""
+    time = np.arange(2000) * 0.01
+    turn = 10.0 * np.pi * (1.0 + 0.3 * np.sin(0.2 * np.pi * time))  # rad/s
+    phase = np.cumsum(turn) * 0.01
+    x, v = 0.005 * np.sin(phase), 0.005 * turn * np.cos(phase)
+    a = np.gradient(v, 0.01)
+    force = np.column_stack([a, v, np.sign(v), np.ones(len(time))]) @ np.array(TRUE)
+    design = design_filter(x, 0.01)
+    assert 0.4 * design.cutoff >= 6.0 and design.decimate <= 6
+    found = jointly([filtered(x, force, 0.01, RegressionModel())], RegressionModel())
+    assert found.estimates["inertia"].value == pytest.approx(TRUE[0], rel=0.05)
+
+
 def test_a_disk_that_is_not_centred_does_not_lower_the_inertia() -> None:
     """The position swings by 40 um at 25 Hz, which no force makes: it halves the inertia at 100 Hz."""
     record = made(5.0)

@@ -93,13 +93,32 @@ def test_a_row_that_stands_twice_costs_no_other(tmp_path: Path, rows: list[int])
     assert note.startswith(f"{len(rows)} of {12000 + len(rows)} rows repeat") and " 0.72" in note
 
 
-def test_two_values_at_one_time_are_refused_with_their_rows(tmp_path: Path) -> None:
+def with_conflicts(rows: list[int]) -> Columns:
+    """A log on an uneven clock, in which some stamps stand twice, with different values."""
+    columns = with_repeats(rows)
+    again = np.asarray(rows) + np.arange(1, len(rows) + 1)
+    columns["current"][again] += 0.3
+    return columns
+
+
+def test_a_few_rows_that_share_a_time_cost_only_themselves(tmp_path: Path) -> None:
+    """Which of two values is right is not known, so neither is used."""
+    rows = [1440, 2812, 9000]
+    read_back = imported(tmp_path, with_conflicts(rows))
+    kept = np.delete(damage.jittered(damage.motion(), 0.3)["current"], rows)
+    np.testing.assert_allclose(read_back.column("measured_current"), kept, rtol=1e-9, atol=1e-12)
+    (note,) = repairs(read_back)
+    assert note.startswith("6 of 12003 rows share their time") and " 0.72" in note
+
+
+def test_many_rows_that_share_a_time_are_refused_with_their_rows(tmp_path: Path) -> None:
     """Beside rows that only stand twice, and that are none of the reason."""
-    columns = with_repeats([1440, 2812, 9000])
-    columns["current"][2814] += 0.3
+    rows = list(range(2812, 9000, 50))
+    columns = with_conflicts(rows)
+    columns = {name: np.insert(column, 1440, column[1440]) for name, column in columns.items()}
     with refused(RecordingError, kind=ProblemKind.CONFLICT, column="time_s", row=2815) as caught:
         imported(tmp_path, columns)
-    assert "rows 2814 to 2815" in str(caught.value) and "1 of 12001 rows" in str(caught.value)
+    assert "rows 2814 to 2815" in str(caught.value) and f"{len(rows)} of 12124 rows" in str(caught.value)
 
 
 def test_rows_at_rest_are_no_repeats_under_a_rounded_clock(tmp_path: Path) -> None:

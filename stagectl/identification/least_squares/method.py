@@ -11,7 +11,8 @@ Source: a specification test as in J. A. Hausman, Econometrica 46(6), 1978.
 from collections.abc import Callable
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Capture, IdentificationError, each
+from stagectl.identification.capture import Capture, IdentificationError, accepted, each
+from stagectl.identification.filtering import design_filter
 from stagectl.identification.least_squares.regression import (
     FilteredRecord,
     RegressionModel,
@@ -33,21 +34,22 @@ def identify(
     """Inertia, viscous and Coulomb friction and offset; the force is the force constant times the current.
 
     `gravity` adds terms in the sine and cosine of the position, `directions` a friction for each direction.  Raises
-    IdentificationError where the captures do not determine the parameters.
+    IdentificationError where the captures do not determine the parameters; one that is too short is left out.
     """
     model = RegressionModel(gravity, directions)
     constant = file.motor.force_constant
+    used, left_out = accepted(captures, _long_enough)
 
     def at(share: float, told: Progress) -> RegressionResult:
         def rows(capture: Capture) -> FilteredRecord:
             return filtered(capture.position, constant * capture.current, capture.dt, model, share)
 
-        return solved(list(each(captures, rows, told)), model)
+        return solved(list(each(used, rows, told)), model)
 
     try:
         result = _without_noise(at(1.0, progress), lambda share: at(share, lambda done, total: None))
     except IdentificationError as error:
-        raise error if error.capture else error.within(", ".join(capture.name for capture in captures)) from error
+        raise error if error.capture else error.within(", ".join(capture.name for capture in used)) from error
     parameters = {
         name: Parameter.named(name, file.axis.kind, estimate.value, NORMAL_95 * estimate.deviation)
         for name, estimate in result.estimates.items()
@@ -58,7 +60,13 @@ def identify(
         "condition": result.condition,
     }
     changes = {f"mechanics.{name}": parameters[name].value for name in ("inertia", "viscous")}
-    return IdentificationResult(parameters, details=details, notes=result.notes, changes=changes)
+    return IdentificationResult(parameters, details=details, notes=(*result.notes, *left_out), changes=changes)
+
+
+def _long_enough(capture: Capture) -> Capture:
+    """The same.  Raises IdentificationError where it is too short for the filter that suits its encoder."""
+    design_filter(capture.position, capture.dt)
+    return capture
 
 
 def _without_noise(found: RegressionResult, at: Callable[[float], RegressionResult]) -> RegressionResult:
