@@ -47,8 +47,11 @@ def chosen(name: str) -> Method:
     Raises IdentificationError, naming all methods, where there is none.
     """
     if name not in METHODS:
+        near = nearest(name, list(METHODS))
         raise IdentificationError(
-            "\n  ".join([f"method {name}; must be one of", *listed()]),
+            f"method {name}: did you mean {near}?"
+            if near
+            else "\n  ".join([f"method {name}; must be one of", *listed()]),
             Refusal.UNKNOWN_OPTION,
             value=name,
             admissible=", ".join(METHODS),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import logging
 import socket
 import time
+from collections.abc import Iterator
 from typing import Any
 
 from stagectl.drives.bus.embedded import Embedded
@@ -59,6 +62,18 @@ class SocketCan(SocketBus):
         self._reader.close()
 
 
+@contextlib.contextmanager
+def _without_log(name: str) -> Iterator[None]:
+    """Keep a library's log off the terminal: the error that follows says it once."""
+    log = logging.getLogger(name)
+    before = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+
+
 class PythonCan:
     """An interface of python-can that needs no more than a channel and a bit rate; some start threads of their own."""
 
@@ -69,8 +84,9 @@ class PythonCan:
         self._can = can
         try:
             line = {"channel": channel, "bitrate": round(bitrate), **_more(interface, channel)}
-            self._bus: Any = can.Bus(interface=interface, **line)
-        except (can.CanError, ImportError, OSError, TypeError, ValueError) as error:  # TypeError: arguments of its own
+            with _without_log("can"):
+                self._bus: Any = can.Bus(interface=interface, **line)
+        except Exception as error:  # each driver has its own: a NameError where Kvaser's library is missing
             raise BusError(
                 f"interface = {interface}, channel = {channel!r}: {error}; 'python -m can.viewer -i {interface}"
                 f" -c {channel}' shows whether python-can reaches it",
