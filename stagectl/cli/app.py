@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import itertools
 import os
 import shlex
 import sys
@@ -240,9 +241,8 @@ def _with_next(error: StageError) -> str:
 
 def _place(file: object) -> str:
     """Where a file was given: the option before it, or the place of an argument."""
-    words = sys.argv[1:]
-    before = words[words.index(str(file)) - 1] if str(file) in words[1:] else ""
-    return before if before.startswith("--") else "this place"
+    before = (one for one, other in itertools.pairwise(sys.argv) if other == str(file) and one.startswith("--"))
+    return next(before, "this place")
 
 
 _OTHER_FILE = "\na stage or trajectory file (.yaml) belongs here: see the command with --help"

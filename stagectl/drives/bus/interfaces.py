@@ -87,8 +87,9 @@ class PythonCan:
             with _without_log("can"):
                 self._bus: Any = can.Bus(interface=interface, **line)
         except Exception as error:  # each driver has its own: a NameError where Kvaser's library is missing
+            reason = "its driver is not installed" if isinstance(error, NameError) else str(error).rstrip(".")
             raise BusError(
-                f"interface = {interface}, channel = {channel!r}: {error}; 'python -m can.viewer -i {interface}"
+                f"interface = {interface}, channel = {channel!r}: {reason}; 'python -m can.viewer -i {interface}"
                 f" -c {channel}' shows whether python-can reaches it",
                 place=interface,
             ) from error
