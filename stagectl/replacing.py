@@ -84,7 +84,7 @@ def check_folder_to_be(path: Path) -> None:
 def check_file_to_be(path: Path) -> None:
     """Raises StageError where this file cannot be written, before the work whose result goes there."""
     if path.is_dir():
-        raise _refused(path, "is a folder", "name a file")
+        raise _refused(path, "is a folder", "give the name of a file")
     if not path.exists():
         check_folder_to_be(path.parent)
 

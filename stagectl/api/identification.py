@@ -199,6 +199,7 @@ def _recordings(
     if isinstance(data, Sequence) and not isinstance(data, str):
         return [recording for part in data for recording in _recordings(part, stage, columns)]
     if columns and Path(data).suffix == ".h5":
-        words = f"; {data} is a recording, and its columns have their names: leave this out"
-        raise ArgumentError("columns", "", words)
+        given = ",".join(f"{column}={name}" for column, name in columns.items())
+        words = f"; {data} is a recording, which names its own: give it with logs only"
+        raise ArgumentError("columns", given, words)
     return captures.opened([Path(data)], stage.setup, columns)

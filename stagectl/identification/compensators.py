@@ -36,7 +36,7 @@ def check_forms(names: Sequence[str]) -> None:
     """Raises IdentificationError for a name that no compensator has: before the work that ends with one."""
     for name in names:
         if name not in FORMS:
-            text = f"no compensator {name!r} can be made of a friction law; there are {', '.join(FORMS)}"
+            text = f"no compensator {name!r} can be made of a friction law; must be one of {', '.join(FORMS)}"
             raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=name, admissible=", ".join(FORMS))
 
 

@@ -23,7 +23,7 @@ _ROWS = [f"{k * 1e-3:.3f},{0.5 * math.sin(k * 1e-2):.6f},{math.cos(k * 1e-2):.4f
 _NEXT = re.compile(
     r"stagectl [a-z]|--help|`ls |[Dd]id you mean|must (be|lie|have|increase|give)|its columns are"
     r"|: known are|give |choose |write it|check |replace |remove |save it|cut the log|python -m "
-    r"|copy it|make room|name the|these can|record a|relative to|nothing has moved|: take |comes (first|before)"
+    r"|copy it|write 0x|make room|name the|these can|record a|relative to|nothing has moved|: take |comes (first|before)"
 )
 
 _RAW = re.compile(r"codec can't|Expecting |indices must|ErrorID|XML_ERROR")  # a parser's or decoder's own words
@@ -238,7 +238,7 @@ MISTAKES = [
     (f"identify least-squares {S} good.csv --delay 3s", "delay 3s; must lie in [-0.1, 0.1] s", 2),
     (f"identify least-squares {S} good.csv --compensation dahl", "no compensator 'dahl'", 2),
     (f"identify least-squares {S} good.h5 --columns time=t", "good.h5 is a recording", 2),
-    ("config check text.eds.yaml", "drive.wire.eds = ball-screw.yaml; must be an EDS or DCF file", 1),
+    ("config check text.eds.yaml", "must be an EDS or DCF file: name the file", 1),
     ("config check index.yaml", "drive.wire.command_object = 0x6071; an object is hexadecimal", 1),
     ("config schema --json /dev/full", "/dev/full: No space left on device; make room: see `df -h`", 2),
 ]
