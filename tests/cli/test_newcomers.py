@@ -23,7 +23,8 @@ _ROWS = [f"{k * 1e-3:.3f},{0.5 * math.sin(k * 1e-2):.6f},{math.cos(k * 1e-2):.4f
 _NEXT = re.compile(
     r"stagectl [a-z]|--help|`ls |[Dd]id you mean|must (be|lie|have|increase|give)|its columns are"
     r"|: known are|give |choose |write it|check |replace |remove |save it|cut the log|python -m "
-    r"|copy it|write 0x|make room|name the|these can|record a|relative to|nothing has moved|: take |comes (first|before)"
+    r"|write 0x"
+    r"|copy it|make room|name the|these can|record a|relative to|nothing has moved|: take |comes (first|before)"
 )
 
 _RAW = re.compile(r"codec can't|Expecting |indices must|ErrorID|XML_ERROR")  # a parser's or decoder's own words
