@@ -135,13 +135,26 @@ def check_limits(setup: Setup, trajectory: Trajectory) -> None:
     limits, axis = setup.file.limits, setup.file.axis
     scale, unit = axis.travel_per_unit, axis.travel_unit
     extremes = peaks(trajectory, setup.dt)
-    low, high = limits.travel[0] * scale, limits.travel[1] * scale
-    needs = (
-        _Need("travel", extremes.highest, high, unit, 1),
-        _Need("travel", -extremes.lowest, -low, unit, -1),
+    _check(
+        setup,
+        *_travel(setup, extremes.lowest, extremes.highest),
         _Need("speed", extremes.speed, limits.speed * scale, f"{unit}/s"),
         _Need("acceleration", extremes.acceleration, limits.acceleration * scale, f"{unit}/s^2"),
     )
+
+
+def check_end(setup: Setup, end: float) -> None:
+    """Refuse a motion whose `end` (rad | m) lies beyond the travel, however long it takes.  Raises LimitError."""
+    _check(setup, *_travel(setup, end, end))
+
+
+def _travel(setup: Setup, lowest: float, highest: float) -> tuple[_Need, _Need]:
+    scale, unit = setup.file.axis.travel_per_unit, setup.file.axis.travel_unit
+    low, high = (end * scale for end in setup.file.limits.travel)
+    return _Need("travel", highest, high, unit, 1), _Need("travel", -lowest, -low, unit, -1)
+
+
+def _check(setup: Setup, *needs: _Need) -> None:
     if beyond := [need for need in needs if not need.needed <= need.allowed * (1.0 + LIMIT_SLACK)]:
         first, *others = [_beyond(setup, need) for need in beyond]
         raise LimitError(first, beyond[0].needed, beyond[0].allowed, *others)

@@ -48,6 +48,13 @@ def _listed(there: Path) -> str:
     return f"see `ls {folder}`" if str(folder) != "." else f"you are in {Path.cwd()}, see `ls .`"
 
 
+def _nearest_file(name: str, names: Sequence[str]) -> str:
+    """The file whose stem is most like that of `name`: a common ending makes no two files alike."""
+    path = Path(name)
+    stems = {Path(other).stem: other for other in sorted(names, key=lambda other: Path(other).suffix == path.suffix)}
+    return stems.get(nearest(path.stem, list(stems)), "")
+
+
 def _meant(path: Path) -> tuple[Path, bool]:
     """What is there of a path, each name of it the nearest one; whether that is all of it.
 
@@ -56,7 +63,7 @@ def _meant(path: Path) -> tuple[Path, bool]:
     wanted = Path(os.path.expanduser(str(path).replace("\\", "/")))
     there = Path(wanted.anchor)
     for name in wanted.relative_to(wanted.anchor).parts:
-        near = name if os.path.lexists(there / name) else nearest(name, _names(there))
+        near = name if os.path.lexists(there / name) else _nearest_file(name, _names(there))
         if not near:
             return there, False
         there /= near

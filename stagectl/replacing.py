@@ -22,7 +22,7 @@ JSON, JSON_LINES = '{\n  "written_by": "stagectl"', '{"written_by": "stagectl"'
 
 
 def check_replaceable(
-    path: Path, mark: str | Callable[[Path], bool], why: str = "is no such file written by stagectl"
+    path: Path, mark: str | Callable[[Path], bool], why: str = "was not written by stagectl as a file of this kind"
 ) -> None:
     """Raises StageError where a file stands there that is none of ours: without the `mark` in its beginning.
 
@@ -46,8 +46,8 @@ def _begins(path: Path, mark: str) -> bool:
 def check_ending(path: Path, ending: str, what: str) -> None:
     """Raises StageError where a result under this name would be taken for something else."""
     if path.suffix != ending:
-        reason = f"is no name of {what}: it must end in {ending}"
-        raise _refused(path, reason, f"take {path.with_suffix(ending)}")
+        meant = path / f"NAME{ending}" if path.is_dir() else path.with_suffix(ending)
+        raise _refused(path, f"is not the name of {what}, which ends in {ending}", f"take {meant}")
 
 
 def not_taken(path: Path, others: Collection[Path] = ()) -> Path:
@@ -77,6 +77,14 @@ def check_folder_to_be(path: Path) -> None:
         raise _refused(path, f"cannot be written: {there} is a file where a folder is needed", "name another folder")
     if not os.access(there, os.W_OK | os.X_OK):
         raise _refused(path, f"cannot be written: you may not write into {there}", "name another folder")
+
+
+def check_file_to_be(path: Path) -> None:
+    """Raises StageError where this file cannot be written, before the work whose result goes there."""
+    if path.is_dir():
+        raise _refused(path, "is a folder", "give the name of a file")
+    if not path.exists():
+        check_folder_to_be(path.parent)
 
 
 def left_as_it_is(path: Path, why: str) -> StageError:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stagectl.api.arguments import PathLike, ProgressOption, entry, quantity, reported
+from stagectl.api.arguments import ArgumentError, PathLike, ProgressOption, entry, quantity, reported
 from stagectl.api.checked import checked
 from stagectl.api.record import MotionRecord, RecordFolder, named_columns
 from stagectl.api.result import ReportedResult, Sheet, frame
@@ -19,7 +19,7 @@ from stagectl.config.patch import Change, write
 from stagectl.extras import require
 from stagectl.identification import capture_checks, captures, methods
 from stagectl.identification.capture import Capture
-from stagectl.identification.methods import with_compensators
+from stagectl.identification.methods import check_forms, with_compensators
 from stagectl.identification.result import IdentificationResult, Parameter, Topic, biases, topics
 from stagectl.units import Quantity, StageError
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from stagectl.report.page import Page
 
 DataLike = MotionRecord | RecordFolder | PathLike
-_DELAY = Quantity("s", "[-inf, inf]", "known delay")
+_DELAY = Quantity("s", "[-0.1, 0.1]", "known delay")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -171,6 +171,7 @@ def identify(
     Raises IdentificationError if the data do not determine the parameters, RecordingError where they cannot be read.
     """
     methods.chosen(method)
+    check_forms([*([compensation] if compensation else []), *compensators])
     designed = as_stage(stage, judged=False)  # a log was recorded by whatever loop
     recordings = _recordings(data, designed, named_columns(columns))
     held_out = [str(recording.path) for recording in recordings if captures.held_out(recording)]
@@ -197,4 +198,8 @@ def _recordings(
         return [data.recording]
     if isinstance(data, Sequence) and not isinstance(data, str):
         return [recording for part in data for recording in _recordings(part, stage, columns)]
+    if columns and Path(data).suffix == ".h5":
+        given = ",".join(f"{column}={name}" for column, name in columns.items())
+        words = f"; {data} is a recording, which names its own: give it with logs only"
+        raise ArgumentError("columns", given, words)
     return captures.opened([Path(data)], stage.setup, columns)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import itertools
 import os
 import shlex
 import sys
@@ -234,9 +235,14 @@ def _with_next(error: StageError) -> str:
     exchanged = any(one.reason.startswith("belongs to a ") for one in error.problems)  # else it is wrong on this axis
     if exchanged and (kind := configuration.kind(file)):
         other = "stage" if kind == "trajectory" else "trajectory"
-        words = f"{file} is a valid {kind} file, but a {other} file is expected here"
-        return f"{words}: the stage file comes first; see --help"
+        return f"{file} is a valid {kind} file, but {_place(file)} takes a {other} file: see --help"
     return f"{error}\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
+
+
+def _place(file: object) -> str:
+    """Where a file was given: the option before it, or the place of an argument."""
+    before = (one for one, other in itertools.pairwise(sys.argv) if other == str(file) and one.startswith("--"))
+    return next(before, "this place")
 
 
 _OTHER_FILE = "\na stage or trajectory file (.yaml) belongs here: see the command with --help"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -26,19 +27,21 @@ def check(files: Annotated[list[Path], argument("FILE...", "Stage and trajectory
     Example: stagectl config check config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
     """
     without_compiler()
-    results = [{"file": str(path), **_check(path)} for path in files]
+    stages = [path for path in files if _is_stage(path)]
+    machine = stages[0] if len(stages) == 1 else None  # of several, nobody knows which one is to move
+    results = [{"file": str(path), **_check(path, machine)} for path in files]
     emit({"files": results}, json)
     raise typer.Exit(max(result["code"] for result in results))
 
 
-def _check(path: Path) -> dict[str, Any]:
+def _check(path: Path, machine: Path | None) -> dict[str, Any]:
     from rich.text import Text
 
     from stagectl.config.machine_file import axes_of
     from stagectl.config.source import UnreadableError
 
     try:
-        known = {str(axis): _known(axis) for axis in axes_of(path)}
+        known = {str(axis): _known(axis, machine) for axis in axes_of(path)}
         for axis, axis_file in known.items():
             headline = ("valid", "yellow") if axis_file.warnings else ("good", "green")
             console.print(Text.assemble(headline, f"  {axis}: {axis_file.words}"))
@@ -69,21 +72,45 @@ class _Known(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def _known(path: Path) -> _Known:
+def _is_stage(path: Path) -> bool:
+    """Whether the keys of a file are a stage's; what cannot be read is none."""
     from yaml import MappingNode, ScalarNode
 
     from stagectl.config.machine_file import split
     from stagectl.config.source import compose
     from stagectl.config.stage_blocks import StageFile
+
+    with contextlib.suppress(StageError):
+        node = compose(split(path)[0])
+        keys = [key for key, _ in node.value] if isinstance(node, MappingNode) else []
+        words = {key.value for key in keys if isinstance(key, ScalarNode)}
+        return "type" not in words and bool(words & set(StageFile._fields))
+    return False
+
+
+def _known(path: Path, machine: Path | None = None) -> _Known:
+    """What is in a valid file; a trajectory must keep to the limits of the `machine`, where there is one."""
     from stagectl.config.trajectory_file import load_free
     from stagectl.trajectories import phases
 
-    node = compose(split(path)[0])
-    keys = [key for key, _ in node.value] if isinstance(node, MappingNode) else []
-    words = {key.value for key in keys if isinstance(key, ScalarNode)}
-    if "type" not in words and words & set(StageFile._fields):
+    if _is_stage(path):
         return _stage(path)
-    return _Known(f"trajectory of {phases(load_free(path)).duration:.4g} s")
+    duration = phases(load_free(path)).duration
+    return _Known(f"trajectory of {duration:.4g} s{_on(path, machine) if machine else ''}")
+
+
+def _on(path: Path, machine: Path) -> str:
+    from stagectl.config.stage_file import load_stage
+    from stagectl.config.trajectory_file import axis_of, load_trajectory
+    from stagectl.motion_limits import check_limits
+    from stagectl.trajectories import phases
+
+    try:
+        setup = load_stage(machine)
+    except StageError:  # said of its own line
+        return ""
+    check_limits(setup, phases(load_trajectory(path, axis_of(setup))).motion)
+    return f", within the limits of {machine}"
 
 
 def _stage(path: Path) -> _Known:

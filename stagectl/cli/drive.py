@@ -33,10 +33,12 @@ def dump(
     """
     without_compiler()
     from stagectl.config.stage_file import load_stage, on_channel
+    from stagectl.drives.canopen.dump import check_dcf, write_dcf
     from stagectl.drives.canopen.dump import dump as read
-    from stagectl.drives.canopen.dump import write_dcf
     from stagectl.workflows.motion import line_of
 
+    if output is not None:
+        check_dcf(output)
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print, anyway) as (wire, line), progress(f"node {wire.node}", 1) as update:
         objects = read(wire, line, update)

@@ -13,7 +13,7 @@ import typer
 
 from stagectl.api.arguments import ArgumentError, quantity
 from stagectl.cli.options import Columns, FirstAxis, Json, Report, Socket, StageArgument, Write, argument, option
-from stagectl.cli.show import console, deliver, page_path, patch, reporter, single_threaded_algebra
+from stagectl.cli.show import check_patch, console, deliver, page_path, patch, reporter, single_threaded_algebra
 from stagectl.identification.catalogue import listed
 from stagectl.units import Quantity, StageError
 
@@ -32,10 +32,19 @@ def _method(name: str) -> str:
     from stagectl.identification.methods import chosen
 
     if Path(name).is_file():
-        corrected = shlex.join(["stagectl", "identify", "simultaneous", *sys.argv[2:]])
-        raise StageError(f"the method comes first: {corrected}; `stagectl identify help` lists the methods")
+        words = f"the method comes first: {shlex.join(_in_order(sys.argv[2:]))}"
+        raise StageError(f"{words}; `stagectl identify help` lists the methods")
     chosen(name)
     return name
+
+
+def _in_order(words: list[str]) -> list[str]:
+    """The words after `identify` as they belong: METHOD, STAGE.yaml, the rest; the usual method where none is named."""
+    from stagectl.identification.catalogue import METHODS
+
+    method = next((word for word in words if word in METHODS), "simultaneous")
+    stage = next((word for word in words if Path(word).suffix in (".yaml", ".yml")), "STAGE.yaml")
+    return ["stagectl", "identify", method, stage, *(word for word in words if word not in (method, stage))]
 
 
 Current = Annotated[str | None, option("--current COLUMN", "measured_current, current (limited) or command.")]
@@ -89,6 +98,7 @@ def identify(
         raise StageError("nothing to identify from: name recordings or logs, or --watch a running service")
     import stagectl as sc
 
+    check_patch(stage, write)
     page = page_path(report, f"identify-{method}")
     fit = sc.identify(
         sc.load_stage(stage, judged=False),
@@ -163,6 +173,7 @@ def tune(
     """
     import stagectl as sc
 
+    check_patch(stage, write)
     designed = sc.load_stage(stage, judged=False)
     page = page_path(report, f"tune-{designed.path.stem}")
     with console.status("searching the gains over the families of machines"):

@@ -8,7 +8,7 @@ import typer
 
 from stagectl.api.arguments import quantity
 from stagectl.cli.streams import check_output
-from stagectl.replacing import JSON, JSON_LINES, PAGE, check_replaceable
+from stagectl.replacing import JSON, JSON_LINES, PAGE, check_file_to_be, check_replaceable
 from stagectl.units import Quantity
 
 
@@ -32,6 +32,7 @@ def replacing(mark: str) -> Callable[[Any], Any]:
             check_output()
         elif value is not None:
             check_replaceable(Path(value), mark)
+            check_file_to_be(Path(value))
         return value
 
     return check

@@ -35,7 +35,7 @@ fault = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=
 @shutdown_signals.held_back(*shutdown_signals.STOPS)
 def serve(
     stages: Stages,
-    socket: Annotated[Path | None, option("--socket PATH", "Control socket.")] = None,
+    socket: Annotated[Path | None, option("--socket PATH", "Control socket; default: $STAGECTL_SOCKET.")] = None,
     state: Annotated[
         Path | None, option("--state FOLDER", "Folder for black boxes; default: $STATE_DIRECTORY.")
     ] = None,
@@ -61,13 +61,13 @@ def serve(
     from stagectl.runtime_folder import state_folder
     from stagectl.service.machine import machine, together, virtual
     from stagectl.service.service import Service, ServicePaths
-    from stagectl.web.client import own_socket
+    from stagectl.web.client import chosen_socket, own_socket
     from stagectl.web.server import run
 
     folder = state or state_folder()
     check_is_folder(folder)
     runtime = os.environ.get("RUNTIME_DIRECTORY")
-    place = socket or (Path(runtime) / "control.sock" if runtime else own_socket())
+    place = socket or chosen_socket() or (Path(runtime) / "control.sock" if runtime else own_socket())
     axes, coupled = machine(stages, channel), together(stages) and not uncoupled
     say = reporter(json, console.print)
     for name, axis in axes.items():

@@ -136,6 +136,14 @@ def patch(stage: Path, target: Path | None, write: Callable[[Path], Sequence[Cha
         console.print(f"  {change}")
 
 
+def check_patch(stage: Path, target: Path | None) -> None:
+    """Refuse a `target` that `patch` could not write, before the work that ends with it."""
+    from stagectl.config.patch import check_target
+
+    if target is not None:
+        check_target(stage, target)
+
+
 def tell(line: str) -> None:
     """Print one line if anybody still reads; a drive continues anyway.  Raises OSError where it cannot be written."""
     try:

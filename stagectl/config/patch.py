@@ -25,7 +25,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import load_stage
 from stagectl.config.unit_format import hint_at, worded
 from stagectl.problem import Problem, ProblemKind
-from stagectl.replacing import replaced
+from stagectl.replacing import check_file_to_be, replaced
 from stagectl.units import StageError, UnitError, quantity_of
 
 _ON_ONE_LINE = 100_000  # characters, more than any block has
@@ -71,13 +71,8 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
     Raises ConfigError where another file of that name is there, the result would be refused, or would not be read back
     as it was meant; `target` is then as it was.
     """
-    if target != source and split(target)[0].suffix not in (".yaml", ".yml"):
-        reason = f"{target} does not end in .yaml, as a stage file does"
-        raise ConfigError(Problem(reason, ProblemKind.FILE, remedy=f"take -o {target}.yaml", file=target))
+    check_target(source, target)
     file, target = split(source)[0], split(target)[0]
-    if target.exists() and not target.samefile(file):
-        reason = f"{target} exists: choose another name, or patch that file by naming it as the stage file"
-        raise ConfigError(Problem(reason, ProblemKind.CONFLICT))
     axis = load_stage(source, designed=False).file.axis  # the patch may be what makes a refused loop run
     result = patched(text_of(source), values, Lengths(axis.kind, axis.lead))
     with file.open("rb") as opened:
@@ -85,6 +80,18 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
     content = mark + in_its_file(source, result.text, result.changes).encode()
     replace_file(target, content, lambda path: check_values(load_stage(axis_reference(path, source)).file, result))
     return list(result.changes)
+
+
+def check_target(source: Path, target: Path) -> None:
+    """Raises ConfigError where `write` would not write this copy of `source`: asked before the work that it ends."""
+    if target != source and split(target)[0].suffix not in (".yaml", ".yml"):
+        reason = f"{target} does not end in .yaml, as a stage file does"
+        raise ConfigError(Problem(reason, ProblemKind.FILE, remedy=f"take {target}.yaml", file=target))
+    file, target = split(source)[0], split(target)[0]
+    if target.exists() and not target.samefile(file):
+        reason = f"{target} exists: choose another name, or patch that file by naming it as the stage file"
+        raise ConfigError(Problem(reason, ProblemKind.CONFLICT))
+    check_file_to_be(target)
 
 
 def in_its_file(source: Path, text: str, changes: Sequence[Change]) -> str:

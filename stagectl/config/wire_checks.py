@@ -13,6 +13,7 @@ from stagectl.units import LINEAR
 
 OWN = Path(__file__).parents[2] / "config"  # of the checkout
 _CONFLICT, _RANGE = ProblemKind.CONFLICT, ProblemKind.RANGE
+_HEAD = 4096  # bytes in which an EDS has its first section
 
 
 def wire_conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
@@ -67,15 +68,26 @@ def _objects(wire: Canopen, path: Path) -> Iterator[Problem]:
     if not _exists(eds_path(wire.eds, path)):
         reason = f"no such file; the path is relative to {path.parent}"
         yield Problem(reason, ProblemKind.FILE, "drive.wire.eds", wire.eds)
+    elif not _is_eds(eds_path(wire.eds, path)):
+        reason, remedy = "must be an EDS or DCF file", "name the file that came with the drive"
+        yield Problem(reason, ProblemKind.FILE, "drive.wire.eds", wire.eds, remedy=remedy)
     yield from _pdo("drive.wire.rpdo", wire.rpdo, "drive.wire.command_object", wire.command_object)
     yield from _pdo("drive.wire.tpdo", wire.tpdo, "drive.wire.current_object", wire.current_object)
 
 
+def _is_eds(path: Path) -> bool:
+    """Whether a file has the ending and a section of an electronic data sheet (CiA 306)."""
+    with path.open("rb") as file:
+        return path.suffix.lower() in (".eds", ".dcf", ".epf") and b"[" in file.read(_HEAD)
+
+
 def _no_object(key: str, number: int) -> Problem:
     """Why a number is no object; one without 0x was meant as an index."""
-    near = int(str(number), 16) << 8
-    remedy = f"write 0x{near >> 8:04x}_00" if FIRST_OBJECT <= near <= LAST_OBJECT else ""
-    return Problem("an object is hexadecimal with its subindex", _RANGE, key, str(number), remedy=remedy)
+    indices = [int(str(number), 16), number]  # 6071, or 0x6071 that YAML has read
+    near = next((index for index in indices if FIRST_OBJECT <= index << 8 <= LAST_OBJECT), None)
+    remedy = "" if near is None else f"write 0x{near:04x}_00"
+    shown = f"0x{number:x}" if near == number else str(number)
+    return Problem("an object is hexadecimal with its subindex", _RANGE, key, shown, remedy=remedy)
 
 
 def _pdo(key: str, objects: tuple[int, ...], cycle_key: str, needed: int) -> Iterator[Problem]:

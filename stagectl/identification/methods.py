@@ -47,8 +47,11 @@ def chosen(name: str) -> Method:
     Raises IdentificationError, naming all methods, where there is none.
     """
     if name not in METHODS:
+        near = nearest(name, list(METHODS))
         raise IdentificationError(
-            "\n  ".join([f"method {name}; must be one of", *listed()]),
+            f"method {name}: did you mean {near}?"
+            if near
+            else "\n  ".join([f"method {name}; must be one of", *listed()]),
             Refusal.UNKNOWN_OPTION,
             value=name,
             admissible=", ".join(METHODS),
@@ -130,10 +133,7 @@ def with_compensators(
     wanted = [*([acting] if acting else []), *compared]
     if not wanted:
         return result
-    for name in wanted:
-        if name not in FORMS:
-            text = f"no compensator {name!r} can be made of a friction law; there are {', '.join(FORMS)}"
-            raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=name, admissible=", ".join(FORMS))
+    check_forms(wanted)
     if "friction" not in result.changes:
         raise IdentificationError(
             f"{method} writes no friction into the stage file, so no compensator is made of it; take simultaneous, "
@@ -142,6 +142,14 @@ def with_compensators(
             value=", ".join(wanted),
         )
     return result._replace(changes={**result.changes, **_blocks(result, acting, compared)})
+
+
+def check_forms(names: Sequence[str]) -> None:
+    """Raises IdentificationError for a name that no compensator has: before the work that ends with one."""
+    for name in names:
+        if name not in FORMS:
+            text = f"no compensator {name!r} can be made of a friction law; must be one of {', '.join(FORMS)}"
+            raise IdentificationError(text, Refusal.UNKNOWN_OPTION, value=name, admissible=", ".join(FORMS))
 
 
 def _blocks(result: IdentificationResult, acting: str | None, compared: Sequence[str]) -> dict[str, Any]:

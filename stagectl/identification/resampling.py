@@ -33,10 +33,11 @@ def parts(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> tup
     finite = np.all([np.isfinite(column) for column in columns.values()], axis=0)
     notes: list[str] = [note for name, column in columns.items() if (note := _missing(name, column, time))]
     if np.count_nonzero(finite) < thresholds.CAPTURE_LEAST_ROWS:
+        some = f"{np.count_nonzero(finite)} of {len(time)} rows have a number in {' and '.join(columns)} at once"
+        sparse = "" if finite.all() else ", or bring the columns to the same instants"
         raise _too_few(
-            f"{np.count_nonzero(finite)} of {len(time)} rows have a number in {' and '.join(columns)} at once; at "
-            f"least {thresholds.CAPTURE_LEAST_ROWS} must: record longer (stagectl run with more periods, "
-            "stagectl record --for 10s), or bring the columns to the same instants",
+            f"{f'{len(time)} rows' if finite.all() else some}; must be at least {thresholds.CAPTURE_LEAST_ROWS}: "
+            f"record longer (stagectl run with more periods, stagectl record --for 10s), or more often{sparse}",
             notes,
             int(np.count_nonzero(finite)),
         )

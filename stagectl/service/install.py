@@ -11,6 +11,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
 from stagectl.units import StageError
 
+_SYSTEMD = Path("/run/systemd/system")  # there while it runs
 QUEUE = 128  # frames in the interface's queue: ten cycles and more
 _IN_WHEEL = Path(__file__).parent / "units"  # copied there from systemd/ when the wheel is built
 UNIT, SOCKET, USERS, RULES = "stagectl.service", "stagectl.socket", "stagectl.sysusers", "80-stagectl.rules"
@@ -113,6 +114,8 @@ def install(installation: Installation, root: Path, start: bool) -> list[Step]:
 
     Raises InstallError where that is not permitted.
     """
+    if start and root == Path("/") and not _SYSTEMD.is_dir():
+        raise InstallError("systemd does not run this computer, and nothing was written: use `stagectl serve` here")
     done = []
     for place, text in contents(installation).items():
         path = root / place
@@ -130,7 +133,7 @@ def install(installation: Installation, root: Path, start: bool) -> list[Step]:
 def remove(root: Path) -> list[Step]:
     """Stop the service and remove what `install` wrote; recordings, black boxes and their user stay.
 
-    Raises InstallError where that is not permitted.
+    Raises InstallError where that is not permitted, or no systemd is there to start it.
     """
     done = _run([["systemctl", "disable", "--now", UNIT]] if (root / PLACES[UNIT]).exists() else [], root)
     for place in PLACES.values():

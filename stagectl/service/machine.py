@@ -60,9 +60,15 @@ def _check(axes: dict[str, AxisController]) -> None:
         raise ServiceError(f"control.period is {sorted({period, *others})} s: axes of one SYNC need the same")
     wires = [axis.setup.file.drive.wire for axis in axes.values()]
     canopen = [wire for wire in wires if isinstance(wire, Canopen)]
-    places = {(wire.interface, wire.channel, wire.node) for wire in canopen}
-    if len(places) < len(canopen):
-        raise ServiceError("two axes have the same drive.wire.node on one channel: give each another number")
+    places: dict[tuple[str, str, int], str] = {}
+    for name, axis in axes.items():
+        wire = axis.setup.file.drive.wire
+        place = (wire.interface, wire.channel, wire.node) if isinstance(wire, Canopen) else None
+        if place in places:
+            both = f"axes {places[place]} and {name}: drive.wire.node = {place[2]} on {place[0]} {place[1]}"
+            raise ServiceError(f"{both} for both: give each another number (axis {name}: {axis.setup.path})")
+        if place is not None:
+            places[place] = name
     for where in {(wire.interface, wire.channel) for wire in canopen}:
         _check_load([wire for wire in canopen if (wire.interface, wire.channel) == where], period)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels.feedforward import Feedforward
-from stagectl.motion_limits import LIMIT_SLACK, check_duration, check_noticeable
+from stagectl.motion_limits import LIMIT_SLACK, check_duration, check_end, check_noticeable
 from stagectl.number_format import length
 from stagectl.plan import Plan, Start, plan
 from stagectl.problem import Problem, ProblemKind
@@ -80,6 +80,8 @@ def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
         setup = leaving(setup, trajectory.unanswered)
         place = Path(f"{task.name}.yaml")  # what messages call it
         trajectory = load_trajectory(place, axis_of(setup), trajectory.yaml, trajectory.tables)
+    if isinstance(trajectory, SCurve):  # an order: what is beyond the travel is so at any speed
+        check_end(setup, trajectory.distance)
     check_duration(phases(trajectory).duration, setup.dt, PLANNED_ROWS)
     start = task.start.copy()
     laid_out = plan(setup, trajectory, task.feedforward, start)

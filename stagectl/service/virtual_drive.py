@@ -105,7 +105,8 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     Raises DriveError where there is one already, or the bus goes away.
     """
     if answers(wire):
-        raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: stop it first")
+        who = _found(wire) or f"node {wire.node} is on {wire.interface} {wire.channel} already"
+        raise DriveError(f"{who}: end it first, or choose another --channel")
     _compile(setup)
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
     door = InjectionSocket(socket_path(wire.interface, wire.channel, wire.node))

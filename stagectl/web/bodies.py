@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse
 
+from stagectl.problem import below
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.limits import BODY, BODY_TIME, STRUCTURE, UPLOAD
 from stagectl.units import StageError
@@ -44,8 +45,10 @@ _WORDS = {
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number, without quotes or unit"),
     "finite_number": "must be a finite number",
     "dict_type": 'must be an object, such as {"x": "5 mm"}',
-    "string_type": 'must be text, a quantity with its unit, such as "5 mm"',
-    "model_attributes_type": "must be a JSON object: keys and values in braces",
+    "list_type": 'must be a list, such as ["error"]',
+    "string_type": 'must be text, a number with its unit in quotes, such as "5 mm" or "30 Hz"',
+    "string_too_short": "must not be empty: leave it out instead",
+    **dict.fromkeys(("model_type", "model_attributes_type"), "must be a JSON object: keys and values in braces"),
     "missing": "is missing",
 }
 _BOUNDS = {
@@ -53,12 +56,15 @@ _BOUNDS = {
     "greater_than_equal": "must be at least {ge:g}",
     "less_than": "must be below {lt:g}",
     "less_than_equal": "must be at most {le:g}",
+    "literal_error": "must be {expected}",
 }
 
 
-def wrong(details: Iterable[Mapping[str, Any]]) -> str:
-    """What pydantic found wrong with a message, each entry with its place."""
-    return "; ".join(map(_wrong_entry, details))
+def wrong(details: Iterable[Mapping[str, Any]], place: str = "") -> str:
+    """What pydantic found wrong with a message at this `place`, each entry with its own."""
+    return "; ".join(
+        below(place, _wrong_entry(one)) if one["loc"] else f"{place}{_wrong_entry(one)}" for one in details
+    )
 
 
 def _wrong_entry(one: Mapping[str, Any]) -> str:
@@ -66,8 +72,12 @@ def _wrong_entry(one: Mapping[str, Any]) -> str:
     words = bound.format_map(one["ctx"]) if bound else _WORDS.get(one["type"], one["msg"])
     if one["type"] == "json_invalid":  # its place is a character, not a key
         return f"{one['loc'][0]}, character {one['loc'][-1] + 1}: {words}"
-    shown = f" = {one['input']:g}" if bound else ""
+    shown = f" = {_shown(one['input'])}" if bound else ""
     return f"{'.'.join(map(str, one['loc']))}{shown}: {words}"
+
+
+def _shown(given: Any) -> str:
+    return json.dumps(given) if isinstance(given, str) else f"{given:g}"
 
 
 class _JsonRequest(Request):

@@ -47,10 +47,13 @@ class _UnixConnection(http.client.HTTPConnection):
 
 def default_socket() -> Path:
     """Where the service of this machine is: $STAGECTL_SOCKET, the system's, or the user's own."""
+    return chosen_socket() or (SYSTEM if SYSTEM.exists() else own_socket())
+
+
+def chosen_socket() -> Path | None:
+    """What $STAGECTL_SOCKET names, to a service as to those who ask it."""
     chosen = os.environ.get("STAGECTL_SOCKET")
-    if chosen:
-        return Path(chosen)
-    return SYSTEM if SYSTEM.exists() else own_socket()
+    return Path(chosen) if chosen else None
 
 
 def own_socket() -> Path:

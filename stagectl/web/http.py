@@ -25,7 +25,7 @@ from stagectl.web.limits import AXES, AXIS_NAME, EFFECTS, FILE_NAME, GAINS, LARG
 AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
 NamedAxis = Annotated[str, Field(max_length=AXIS_NAME)]  # a constrained key is looked at: it must be text
 NamedPlace = Annotated[str, Field(max_length=PLACE, examples=["motor.cogging"])]
-Length = Annotated[str, Field(max_length=QUANTITY, examples=["10 mm"], description="With its unit.")]
+Length = Annotated[str, Field(min_length=1, max_length=QUANTITY, examples=["10 mm"], description="With its unit.")]
 
 
 class Refusal(BaseModel):

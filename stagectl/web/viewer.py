@@ -98,6 +98,11 @@ _KINDS: dict[str, type[_Strict]] = {
 }
 
 
+_FORM = (
+    f'a message is a JSON object with one key of {", ".join(_KINDS)}, such as {{"strip": {{"channels": ["error"]}}}}'
+)
+
+
 def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest | None:
     """One message; None for a key, or ``{}``, which may go first everywhere.  Raises ServiceError where it is none."""
     try:
@@ -106,12 +111,12 @@ def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest
             return None
         (kind, body), *more = message.items()
         if more or kind not in _KINDS:
-            raise ServiceError(f"a message has one key of {', '.join(_KINDS)}")
+            raise ServiceError(_FORM)
         request = _KINDS[kind].model_validate(body)
     except ValidationError as error:
-        raise ServiceError(wrong(error.errors())) from error
+        raise ServiceError(wrong(error.errors(), kind)) from error
     except (ValueError, AttributeError) as error:
-        raise ServiceError("a message is JSON with one key") from error
+        raise ServiceError(_FORM) from error
     assert isinstance(request, StripRequest | ScopeRequest | DetailRequest | HoldRequest)
     return request
 

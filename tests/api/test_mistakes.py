@@ -28,7 +28,7 @@ MISTAKES = {
     "seed": (lambda s: sc_.simulate(s, SINE, seed="1"), "seed = '1' of type str; must be a whole number"),
     "law": (lambda s: sc_.simulate(s, SINE, friction=1.0), "friction = 1.0 of type float; must be a function"),
     "force": (lambda s: sc_.simulate(s, SINE, friction=lambda v, x, dt: None), "the friction law gives None"),
-    "recording": (lambda s: sc_.run(s, SINE, recording="run.csv"), "run.csv is no name of a recording"),
+    "recording": (lambda s: sc_.run(s, SINE, recording="run.csv"), "run.csv is not the name of a recording"),
     "bandwidth": (lambda s: sc_.tune(s, [30, 40]), "must be a number in SI or text with its unit"),
     "true": (lambda s: sc_.tune(s, True), "bandwidth = True of type bool"),
     "choice": (lambda s: sc_.tune(s, law="PID"), "law = 'PID' of type str; must be one of pid, cascade"),

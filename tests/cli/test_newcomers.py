@@ -23,6 +23,7 @@ _ROWS = [f"{k * 1e-3:.3f},{0.5 * math.sin(k * 1e-2):.6f},{math.cos(k * 1e-2):.4f
 _NEXT = re.compile(
     r"stagectl [a-z]|--help|`ls |[Dd]id you mean|must (be|lie|have|increase|give)|its columns are"
     r"|: known are|give |choose |write it|check |replace |remove |save it|cut the log|python -m "
+    r"|write 0x"
     r"|copy it|make room|name the|these can|record a|relative to|nothing has moved|: take |comes (first|before)"
 )
 
@@ -76,6 +77,8 @@ STAGES = {
     "minus.yaml": ("[-50 mm", "[\u221250 mm"),
     "turned.yaml": ("[-50 mm, 50 mm]", "[50 mm, -50 mm]"),
     "eds.yaml": ("stagectl-virtual.eds", "my-drive.eds"),
+    "text.eds.yaml": ("drives/stagectl-virtual.eds", "ball-screw.yaml"),
+    "index.yaml": ("0x6071_00", "0x6071"),
     "weak.yaml": ("current_limit: 15 A", "current_limit: 1 A"),
     "tight.yaml": ("following_error: 0.2 mm", "following_error: 1 nm"),
     "beyond.yaml": ("[-50 mm, 50 mm]", "[10 mm, 50 mm]"),
@@ -221,7 +224,23 @@ MISTAKES = [
     ),
     (f"import twice.csv --stage {S}", "row 102, column 1: 'time_s' is no number; correct the row", 2),
     (f"import german.csv --stage {S}", "german.csv: row 2 has", 2),
-    (f"import good.csv --stage {S} -o good.mat", "good.mat is no name of a recording: it must end in .h5", 2),
+    (
+        f"import good.csv --stage {S} -o good.mat",
+        "good.mat is not the name of a recording, which ends in .h5",
+        2,
+    ),
+    (f"drive dump {S} -o {S}", "which ends in .dcf", 2),
+    (f"simulate {S} {T} --json folder", "folder is a folder", 2),
+    (f"tune {S} --write tuned", "tuned does not end in .yaml", 2),
+    (f"tune {S} --write list.yaml", "list.yaml exists", 2),
+    (f"identify leastsquares {S} good.csv", "did you mean least-squares?", 2),
+    (f"identify good.csv {S}", f"stagectl identify simultaneous {S} good.csv", 2),
+    (f"identify {S} least-squares good.csv", f"stagectl identify least-squares {S} good.csv", 2),
+    (f"identify least-squares {S} good.csv --delay 3s", "delay 3s; must lie in [-0.1, 0.1] s", 2),
+    (f"identify least-squares {S} good.csv --compensation dahl", "no compensator 'dahl'", 2),
+    (f"identify least-squares {S} good.h5 --columns time=t", "good.h5 is a recording", 2),
+    ("config check text.eds.yaml", "must be an EDS or DCF file: name the file", 1),
+    ("config check index.yaml", "drive.wire.command_object = 0x6071; an object is hexadecimal", 1),
     ("config schema --json /dev/full", "/dev/full: No space left on device; make room: see `df -h`", 2),
 ]
 
@@ -267,6 +286,14 @@ def test_a_slip_of_the_unit_that_leaves_a_stable_loop_is_a_warning(command: Comm
     assert code == 0
     assert err.startswith("valid ") and "(at least 20)" in err
     assert "warning: heavy.yaml: from limits.speed the axis stops within 21.8 m" in err
+
+
+def test_a_motion_beyond_the_limits_of_the_stage_beside_it_is_not_good(command: Command, folder: Path) -> None:
+    _prepare("far.yaml")
+    code, _, err = command("config", "check", S, "far.yaml")
+    assert code == 1
+    assert "error: limits.travel = [-50, 50] mm; the trajectory needs" in err
+    assert command("config", "check", S, "config/linear-slider.yaml", "far.yaml")[0] == 0  # of two, which one?
 
 
 def test_a_way_of_running_the_kernels_that_there_is_not_is_refused(folder: Path) -> None:

@@ -205,3 +205,16 @@ def test_python_can_joins_the_embedded_bus(join: Callable[[], Embedded], tmp_pat
     assert [path.name for path in tmp_path.iterdir()] == [ours._path.name]
     with pytest.raises(can.CanInitializationError, match="absolute"):
         EmbeddedBus(channel="a/b")
+
+
+@pytest.mark.parametrize("error", [NameError("canOpen"), AttributeError("no library"), OSError("gone")])
+def test_whatever_a_driver_of_python_can_raises_names_its_interface(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def absent(**_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(can, "Bus", absent)
+    with pytest.raises(BusError) as refused:
+        open_bus("kvaser", "0", 1e6)
+    assert refused.value.place == "kvaser"

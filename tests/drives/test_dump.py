@@ -10,6 +10,7 @@ import pytest
 
 from stagectl.drives.canopen.dump import dump, write_dcf
 from stagectl.drives.drive import DriveError
+from stagectl.units import StageError
 from tests.drives.workbench import EDS, Workbench
 
 
@@ -43,3 +44,16 @@ def test_it_reads_what_the_drive_has(bench: Workbench, tmp_path: Path) -> None:
 def test_nobody_there(bench: Workbench) -> None:
     with pytest.raises(DriveError, match="stagectl doctor"):
         dump(bench.settings(), bench.bus())
+
+
+def test_it_replaces_only_a_dcf_of_its_own(tmp_path: Path) -> None:
+    own, other, stage = tmp_path / "own.dcf", tmp_path / "other.dcf", tmp_path / "stage.yaml"
+    write_dcf([], str(EDS), 5, own)
+    write_dcf([], str(EDS), 5, own)
+    other.write_text("[FileInfo]\n")
+    stage.write_text("name: mine\n")
+    for taken in (other, stage):
+        before = taken.read_text()
+        with pytest.raises(StageError):
+            write_dcf([], str(EDS), 5, taken)
+        assert taken.read_text() == before

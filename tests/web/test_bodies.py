@@ -117,6 +117,8 @@ def test_an_entry_is_named_in_words() -> None:
         ("/v1/recordings", b'{"seconds": 0}', "body.seconds = 0: must be above 0"),
         ("/v1/recordings", b'{"before": 7200}', "body.before = 7200: must be at most 3600"),
         ("/v1/move", b'{"to": {}, "wait": "yes"}', "body.wait: must be true or false"),
+        ("/v1/move", b'{"to": {"axis": "1 mm"}, "speed": ""}', "body.speed: must not be empty"),
+        ("/v1/virtual/faults", b'{"parameters": {}}', "body.parameters: must be a list"),
         ("/v1/move", b"{targets: 5}", "body, character 2: "),
     ],
 )

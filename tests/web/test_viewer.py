@@ -173,8 +173,10 @@ def test_what_is_held_stays(service: Service, write: Write) -> None:
         ({"scope": {"channels": ["error"], "span": "1 s"}}, "span: must be a number, without quotes or unit"),
         ({"scope": {"channels": ["error"], "trigger": {"channel": "error", "level": "1"}}}, "the unit is missing"),
         ({"scope": {"channels": ["eror"]}}, "did you mean error?"),
-        ({"move": {}}, "a message has one key of strip, scope, closer, hold"),
-        ([1], "a message is JSON with one key"),
+        ({"move": {}}, "with one key of strip, scope, closer, hold"),
+        ([1], "a message is a JSON object with one key of strip"),
+        ({"strip": 1}, "strip: must be a JSON object"),
+        ({"strip": {"channels": "error"}}, "strip.channels: must be a list"),
     ],
 )
 def test_what_cannot_be_is_said(service: Service, message: object, words: str) -> None:

@@ -1,8 +1,11 @@
 """Real CAN: a SocketCAN interface of the kernel, or an interface of python-can; and every bus by its name."""
 
+import contextlib
 import errno
+import logging
 import socket
 import time
+from collections.abc import Iterator
 from typing import Any
 
 from stagectl.drives.bus.embedded import Embedded
@@ -57,6 +60,18 @@ class SocketCan(SocketBus):
         self._reader.close()
 
 
+@contextlib.contextmanager
+def _without_log(name: str) -> Iterator[None]:
+    """Keep a library's log off the terminal: the error that follows says it once."""
+    log = logging.getLogger(name)
+    before = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+
+
 class PythonCan:
     """An interface of python-can that needs no more than a channel and a bit rate; some start threads of their own."""
 
@@ -67,10 +82,12 @@ class PythonCan:
         self._can = can
         try:
             line = {"channel": channel, "bitrate": round(bitrate), **_more(interface, channel)}
-            self._bus: Any = can.Bus(interface=interface, **line)
-        except (can.CanError, ImportError, OSError, TypeError, ValueError) as error:  # TypeError: arguments of its own
+            with _without_log("can"):
+                self._bus: Any = can.Bus(interface=interface, **line)
+        except Exception as error:  # each driver has its own: a NameError where Kvaser's library is missing
+            reason = "its driver is not installed" if isinstance(error, NameError) else str(error).rstrip(".")
             raise BusError(
-                f"interface = {interface}, channel = {channel!r}: {error}; 'python -m can.viewer -i {interface}"
+                f"interface = {interface}, channel = {channel!r}: {reason}; 'python -m can.viewer -i {interface}"
                 f" -c {channel}' shows whether python-can reaches it",
                 place=interface,
             ) from error

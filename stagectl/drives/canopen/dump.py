@@ -14,7 +14,7 @@ from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationErr
 from stagectl.drives.canopen.network import PumpedNode, load_eds
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME, SILENT_OBJECTS
-from stagectl.replacing import write_text
+from stagectl.replacing import check_ending, check_file_to_be, check_replaceable, write_text
 
 Progress = Callable[[int, int], None]
 
@@ -94,11 +94,22 @@ def _plain(value: Any) -> int | float | str | None:
     return value if isinstance(value, int | float | str) or value is None else str(value)
 
 
+DCF = "; written by stagectl"  # the first line of ours; a comment in CiA 306
+
+
+def check_dcf(path: Path) -> None:
+    """Raises StageError where `path` is no name of a DCF, or a file that is none of ours is there."""
+    check_ending(path, ".dcf", "a DCF")
+    check_replaceable(path, DCF)
+    check_file_to_be(path)
+
+
 def write_dcf(entries: list[ObjectValue], eds: str, node: int, path: Path) -> None:
     """The EDS with the values that were read, as a DCF (CiA 306): what other tools write back into a drive.
 
-    Raises DriveError where the EDS cannot be read.
+    Raises DriveError where the EDS cannot be read, StageError where another file than a DCF of ours is there.
     """
+    check_dcf(path)
     dcf = configparser.RawConfigParser(interpolation=None)
     dcf.optionxform = str  # type: ignore[method-assign,assignment]  # keys keep their case
     try:
@@ -114,6 +125,7 @@ def write_dcf(entries: list[ObjectValue], eds: str, node: int, path: Path) -> No
     if not dcf.has_section("DeviceComissioning"):  # spelled like this in CiA 306
         dcf.add_section("DeviceComissioning")
     dcf.set("DeviceComissioning", "NodeID", str(node))
-    text = io.StringIO()
+    text = io.StringIO(f"{DCF}\n")
+    text.seek(0, io.SEEK_END)
     dcf.write(text, space_around_delimiters=False)
     write_text(path, text.getvalue())
