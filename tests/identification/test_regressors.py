@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stagectl.identification.capture import Capture
-from stagectl.identification.simultaneous.regressors import Part, _lightly_smoothed, stepped
+from stagectl.identification.simultaneous.regressors import Part, _lightly_smoothed
 from stagectl.identification.simultaneous.sensor_noise import current_noise
 from stagectl.identification.simultaneous.windows import Rows
 
@@ -20,11 +20,6 @@ def coarse(row: float, column: str = "command") -> Part:
     current = np.random.default_rng(1).normal(0.0, NOISE, len(time))
     wide = round(10e-3 / row)
     return Part(Capture("made", time, position, current, row, column), Rows(4 * wide, 20, wide), wide)
-
-
-@pytest.mark.parametrize(("row", "seen"), [(0.5e-3, True), (1e-3, True), (2e-3, False)])
-def test_only_frequent_rows_hold_what_a_controller_answers_to_rounding(row: float, seen: bool) -> None:
-    assert stepped(coarse(row)) is seen
 
 
 def test_a_command_has_no_sensor() -> None:

@@ -134,12 +134,8 @@ def stepped(p: Part) -> bool:
 
 
 def _seen(capture: Capture, wide: int) -> bool:
-    """Whether noise takes a window so `wide`, and the rows are frequent enough for one that passes what answers to it.
-
-    Rows as far apart as the ordinary window's knots do not hold what a controller answered between them.
-    """
-    frequent = capture.dt < thresholds.SHORTEST_KNOTS
-    return frequent and wide >= max(thresholds.STEPPED_WIDE * shortest_knots(capture), thresholds.LEAST_KNOT_ROWS)
+    """Whether noise takes a window so `wide`; where few samples hide it, the sampling is too slow to follow it."""
+    return wide >= max(thresholds.STEPPED_WIDE * shortest_knots(capture), thresholds.LEAST_KNOT_ROWS)
 
 
 def coarse(p: Part) -> bool:
