@@ -14,12 +14,10 @@ def current_noise(parts: list[Part], whitening: Array) -> float:
     """Variance (A^2) that a current sensor's white noise leaves in the filtered current, as fourth differences show it.
 
     `whitening` (p + 1,) are the weights of rows that the current has passed besides the window.  A commanded current
-    has no sensor: what is rough in it acts.
+    has no such noise.  The controller's response to the encoder's rounding counts as such noise, too.
     """
     total = 0.0
     for p in parts:
-        if p.capture.current_column != "measured_current":
-            continue
         differences = np.diff(p.capture.current, 4)
         total += p.rows * _passed(p, whitening) * float(np.mean(differences * differences)) / 70.0
     return total / sum(p.rows for p in parts)
