@@ -244,7 +244,10 @@ def _fast(strokes: list[Stroke], file: StageFile) -> float:
 
 
 def _parameters(strokes: list[Stroke], fit: OperatorFit, file: StageFile) -> dict[str, Parameter]:
-    """Coulomb friction and offset; intervals from the scatter of the strokes' ends, in batches."""
+    """Coulomb friction and offset; intervals from the scatter of the strokes' ends, in batches.
+
+    The force at negligible speed is not told from what the speed adds to it: the interval holds that, too.
+    """
     settled = 2.0 * fit.slip[-1]
     batches = [
         (stroke.direction, float(np.mean(batch)))
@@ -260,8 +263,8 @@ def _parameters(strokes: list[Stroke], fit: OperatorFit, file: StageFile) -> dic
         spread = float(np.linalg.norm(mean - regressor @ values)) / math.sqrt(len(batches) - 2)
         quantile = float(stats.t.ppf(thresholds.QUANTILE_95, len(batches) - 2))
         half = quantile * spread / math.sqrt(len(batches))
-    centres = {"coulomb": fit.coulomb, "offset": fit.offset}
-    return {name: Parameter.named(name, file.axis.kind, value, half) for name, value in centres.items()}
+    found = {"coulomb": (fit.coulomb, math.hypot(half, _fast(strokes, file))), "offset": (fit.offset, half)}
+    return {name: Parameter.named(name, file.axis.kind, *values) for name, values in found.items()}
 
 
 def _details(strokes: list[Stroke], fit: OperatorFit, table: Characteristic) -> dict[str, Any]:

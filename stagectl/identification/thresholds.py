@@ -251,6 +251,8 @@ FIRST_VARIANCE, LEAST_RESIDUAL = 1e-4, 1e-6  # of the force's mean square; of it
 FORM_ERROR = 2e-3  # of the Coulomb friction: what the columns leave of a law, at least; chosen
 OTHER_LOOP = 3.0**-0.5  # of the answer of the stage file's loop to noise: deviation of a share from 0 to 2, evenly
 FORM_VALUES = 16.0  # values that an error of form is worth; calibrated on simulated axes of five laws
+BANDS = 8  # of frequency that must agree: the last eighth of what is known shows what noise adds; chosen
+LEAST_FREEDOM = 1e-3  # of a variance that bands tell: one sine may be all in one of them
 FAR_ROWS = 30  # rows over which the window and a slow residual correlate
 SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen
 

@@ -59,6 +59,12 @@ def test_coulomb_and_offset_with_their_intervals(identified: IdentificationResul
     json.dumps(identified.details, allow_nan=False)
 
 
+def test_the_interval_holds_the_viscous_force_of_the_motion() -> None:
+    """A sine of 100 um adds D v: more than the ends of the strokes scatter."""
+    coulomb = identify([slow(Machine(SETUP), amplitude=100.0, seconds=35.0)], FILE).parameters["coulomb"]
+    assert coulomb.value > TC + 1e-3 and coulomb.low <= TC
+
+
 def test_the_table_is_what_its_operators_make(identified: IdentificationResult) -> None:
     """Run by the kernel: saturated one way, then the other way."""
     table = identified.table

@@ -11,7 +11,7 @@ Neither averages out.  With the posterior's precision A they shift all parameter
 shift is taken out.  As w_c is that of the stage file, and the loop may be another one, the intervals hold any shift
 from none to twice this one.  Where a capture has neither a reference nor an injected current, a controller is taken to
 have moved the axis.  Where the encoder's noise is seen, the rows pass all of the answer, and nothing shifts
-(`whitening`).
+(`whitening`).  What is wrong with any of this shows in some frequencies and not in others (`agreement`).
 
 Source: direct identification in closed loop, L. Ljung, System Identification, 2nd ed., 1999, section 13.4.
 """
@@ -27,6 +27,7 @@ from stagectl.design import Control
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.result import Parameter
+from stagectl.identification.simultaneous import agreement
 from stagectl.identification.simultaneous.evidence import Answer
 from stagectl.identification.simultaneous.model import DelayPrior, Problem
 from stagectl.identification.simultaneous.regressors import ACCELERATION, ONE, RIPPLE, VELOCITY, controlled, stepped
@@ -75,22 +76,33 @@ def known_delay(captures: list[Capture], file: StageFile, given: float | None) -
     return DelayPrior(late, max(thresholds.DELAY_PERIODS * period, thresholds.DELAY_DOUBT))
 
 
+class _Delay(NamedTuple):
+    """What the delay changes, at the best one."""
+
+    slope: Array  # (n,) of the whitened force, per second
+    products: Array  # (m,) of all columns with it
+    weights: Array  # (m,) of all columns, per second
+    parameters: Array  # (5,) of NAMES, per second
+    variance: float  # s^2, of the delay
+
+
 def estimated(answer: Answer) -> Estimate:
     """The parameters with their intervals of 95 %."""
-    p = answer.problem
+    p, best = answer.problem, answer.best
     sums = _sums(p)
     mean, covariance = answer.moments(sums)
-    changes = cho_solve(answer.best.known.factor, answer.power * _slope(p, answer))
-    per_delay = np.append(sums @ changes, 1.0)
-    shift = _answered_noise(p, answer, sums, per_delay * covariance[-1, -1])
+    delay = _delay(p, answer, sums, float(covariance[-1, -1]))
+    shift = _answered_noise(p, answer, sums, delay)
     mean, covariance = mean - shift, covariance + thresholds.OTHER_LOOP**2 * np.outer(shift, shift)
+    theta = best.known.mean[:, best.best]
+    residual = p.forces(best.delays[[best.best]]).rows[:, 0] - p.columns @ theta
+    bands = _bands(p, answer, sums, delay, p.whitening(residual), shift)
+    factors = np.sqrt(np.maximum(bands / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    covariance *= np.outer(factors, factors)
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     named = [*zip(NAMES, mean.tolist(), halves.tolist(), strict=True), *_gravity(p, answer)]
     parameters = {name: Parameter.named(name, p.file.axis.kind, value, half) for name, value, half in named}
-    best = answer.best
-    theta, delay = best.known.mean[:, best.best], float(best.delays[best.best])
-    residual = p.forces(np.array([delay])).rows[:, 0] - p.columns @ theta
-    return Estimate(p, answer, parameters, covariance, per_delay, theta, residual, _ripple(p, answer), _prior(p))
+    return Estimate(p, answer, parameters, covariance, delay.parameters, theta, residual, _ripple(p, answer), _prior(p))
 
 
 def _sums(p: Problem) -> Array:
@@ -102,30 +114,51 @@ def _sums(p: Problem) -> Array:
     return sums
 
 
-def _slope(p: Problem, answer: Answer) -> Array:
-    """(m,) products of all columns with the force's change per second of delay, at the best delay."""
+def _delay(p: Problem, answer: Answer, sums: Array, variance: float) -> _Delay:
     middle, step = float(answer.best.delays[answer.best.best]), thresholds.DELAY_STEP
-    ends = p.forces(np.array([middle - step, middle + step]))
-    return np.asarray((ends.right[:, 1] - ends.right[:, 0]) / (2.0 * step))
+    rows = p.whitening(p.forces(np.array([middle - step, middle + step])).rows)
+    slope = (rows[:, 1] - rows[:, 0]) / (2.0 * step)
+    products = p.white.T @ slope
+    weights = cho_solve(answer.best.known.factor, answer.power * products)
+    return _Delay(slope, products, weights, np.append(sums @ weights, 1.0), variance)
 
 
-def _answered_noise(p: Problem, answer: Answer, sums: Array, with_delay: Array) -> Array:
-    """Shift (5,) of the parameters by a controller's answer to the noise that moved the axis.
-
-    `with_delay` (5,) is their covariance with the delay, as far as it is the delay that changes them.
-    """
+def _answered_noise(p: Problem, answer: Answer, sums: Array, delay: _Delay) -> Array:
+    """Shift (5,) of the parameters by a controller's answer to the noise that moved the axis."""
     if not any(controlled(rows.capture) and not stepped(rows) for rows in p.parts):
         return np.zeros(len(NAMES))
-    best, control = answer.best, p.file.control
+    control = p.file.control
     bandwidth = control.bandwidth if isinstance(control, Control) else control.velocity_bandwidth
     crossover = 2.0 * math.pi * bandwidth
-    left = _sensitivity(p, crossover)
-    inertia = float(best.known.mean[ACCELERATION, best.best])
-    pull, noise = np.zeros(len(p.gram)), answer.power * p.acceleration_noise * inertia
+    left, noise = _sensitivity(p, crossover), _moved(p, answer)
+    pull = np.zeros(len(p.gram))
     pull[ACCELERATION] = (1.0 - left) * noise
-    direct = cho_solve(best.known.factor, pull)
-    late = answer.power * float(_slope(p, answer) @ direct) + crossover * left * noise * inertia
-    return np.append(sums @ direct, 0.0) + late * with_delay
+    direct = cho_solve(answer.best.known.factor, pull)
+    late = answer.power * float(delay.products @ direct) + crossover * left * noise * _inertia(answer)
+    return np.append(sums @ direct, 0.0) + late * delay.variance * delay.parameters
+
+
+def _bands(p: Problem, answer: Answer, sums: Array, delay: _Delay, residual: Array, shift: Array) -> Array:
+    """Variances (5,) of NAMES as the frequencies of the whitened `residual` disagree on them; 0 where one is given."""
+    direct = cho_solve(answer.best.known.factor, sums.T).T
+    late = answer.power * delay.variance * (p.white @ delay.weights - delay.slope)
+    influence = np.vstack([answer.power * direct @ p.white.T, np.zeros(len(late))]) + np.outer(delay.parameters, late)
+    noise = _moved(p, answer)
+    expected = np.append(noise * direct[:, ACCELERATION], 0.0) - shift
+    expected += noise * delay.variance * delay.weights[ACCELERATION] * delay.parameters
+    kept = p.whitening.kept
+    return np.array(
+        [agreement.variance(of, residual, more, kept) for of, more in zip(influence, expected.tolist(), strict=True)]
+    )
+
+
+def _inertia(answer: Answer) -> float:
+    return float(answer.best.known.mean[ACCELERATION, answer.best.best])
+
+
+def _moved(p: Problem, answer: Answer) -> float:
+    """What was taken out of the acceleration's products with the force, weighed as the rows are."""
+    return answer.power * p.acceleration_noise * _inertia(answer)
 
 
 def _sensitivity(p: Problem, crossover: float) -> float:
