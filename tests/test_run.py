@@ -288,7 +288,7 @@ def test_one_drive_a_bus(tmp_path: Path) -> None:
     with drive(STAGE, tmp_path / "bus"):
         second = stagectl("virtual-drive", STAGE, "--channel", tmp_path / "bus")
     assert second.returncode == 2
-    assert "already: stop it first" in second.stderr
+    assert "a drive is there already" in second.stderr
 
 
 def test_noise_is_the_same_noise(tmp_path: Path) -> None:
