@@ -214,9 +214,15 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
 
 
 @kernel
+def seen(p: Stage, x: State) -> float:
+    """Position (rad | m) that the encoder sees at this instant."""
+    return plant_with_effects.seen(p.encoder, p.mechanics.pitch, x.position)
+
+
+@kernel
 def latched(p: Stage, x: State) -> State:
     """Encoder, once a period: the position it sees now enters the measurement's delay line."""
-    line = pushed(x.latched, plant_with_effects.seen(p.encoder, p.mechanics.pitch, x.position))
+    line = pushed(x.latched, seen(p, x))
     return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, x.memory)
 
 

@@ -12,6 +12,8 @@ The correction, times Kt, is the unexplained effort.  The model stays on the mea
 friction force is that of the motion that was really made, and the unexplained effort enters almost linearly: two
 candidates add up.  It is no open-loop replay, in which position would be a double integral of every error.  The
 same estimator with the same delays runs over data and over every candidate, so its own bias cancels.
+
+How closely the PID can hold the model depends on its rate, and a log may be slow: a period then has many ticks.
 """
 
 from __future__ import annotations
@@ -37,32 +39,35 @@ class State(NamedTuple):
 
 
 @kernel
-def step(p: Tied, x: State, row: tuple[float, float, float], dt: float, substeps: int) -> tuple[float, float, State]:
-    """One period under `row` = (command A, position, current A; NaN: not measured).
+def step(
+    p: Tied, x: State, row: tuple[float, float], path: Any, dt: float, substeps: int
+) -> tuple[float, float, State]:
+    """One period under `row` = (command A, current A; NaN: not measured), along `path` (m,): positions of m ticks.
 
-    Returns the correction (A) that the model needs now, the current that its drive gives (A), and the state at the
-    end of the period.
+    Of a single tick the position is that which the encoder reports at its begin, of many that where the machine is.
+    Returns the mean correction (A), the current that the drive gives (A), and the state at the end of the period.
     """
-    command, position, current = row
-    error = position - stage.measured(p.stage.encoder, x.plant, stage.SILENT)
-    terms, tracker = feedback.step(p.tracker, x.tracker, error)
-    correction = terms.proportional + terms.integral + terms.derivative
+    command, current = row
     given = stage.reported(p.stage.drive, x.plant, dt)
-    extra = correction
-    if current == current:  # measured: a deviation of the drive from its model is not one of the mechanics
-        extra += current - given
-    plant = stage.period(p.stage, x.plant, command, stage.Noise(extra, 0.0, 0.0), dt, substeps)
-    return correction, given, State(plant, tracker)
+    # Measured: a deviation of the drive from its model is not one of the mechanics.
+    missing = current - given if current == current else 0.0
+    plant, tracker, corrections, ticks = stage.commanded(p.stage.drive, x.plant, command), x.tracker, 0.0, len(path)
+    for tick in range(ticks):
+        reached = stage.measured(p.stage.encoder, plant, stage.SILENT) if ticks == 1 else stage.seen(p.stage, plant)
+        terms, tracker = feedback.step(p.tracker, tracker, path[tick] - reached)
+        correction = terms.proportional + terms.integral + terms.derivative
+        plant = stage.drifted(p.stage, plant, stage.Noise(correction + missing, 0.0, 0.0), dt / ticks, substeps)
+        corrections += correction
+    return corrections / ticks, given, State(stage.latched(p.stage, plant), tracker)
 
 
 @kernel
 def follow(p: Tied, x: State, inputs: Any, dt: float, substeps: int) -> State:
-    """All periods of `inputs` = (rows (n, 3): command, position, current; out (n, 2): correction, model's current).
+    """All periods of `inputs` = (rows (n, 2): command, current; path (n, m); out (n, 2): correction, model's current).
 
-    Fills `out`; returns the state at the end.
+    `substeps` are those of a tick.  Fills `out`; returns the state at the end.
     """
-    rows, out = inputs
+    rows, path, out = inputs
     for k in range(len(rows)):
-        row = (rows[k, 0], rows[k, 1], rows[k, 2])
-        out[k, 0], out[k, 1], x = step(p, x, row, dt, substeps)
+        out[k, 0], out[k, 1], x = step(p, x, (rows[k, 0], rows[k, 1]), path[k], dt, substeps)
     return x

@@ -150,15 +150,15 @@ def _command_difference(p: Twin, x: law.State | None, rows: Array) -> tuple[floa
 def _tracked(p: Twin, x: TwinState, path: Array) -> tuple[Array, Array, tuple[tracked_model.State, ...]]:
     """Corrections (models, n) A, the current of the drive model (n,) A, and all states at the end."""
     out = np.empty((len(p.models), len(path), 2))
-    shifted = path.copy()
+    given, shifted = np.ascontiguousarray(path[:, ::2]), path.copy()
     past = np.concatenate([x.before, path[:, 1]])
     shifted[:, 1] += thresholds.NUDGE * (path[:, 1] - past[: len(path)]) / thresholds.SPEED_PERIODS
     late = next(k for k, candidate in enumerate(p.mechanics, 1) if candidate.name == "time_shift")
     states = []
     for k, model in enumerate(p.models):
-        followed = (shifted if k == late else path, out[k])
+        places = (shifted if k == late else path)[:, 1:2]
         tied = tracked_model.Tied(model, p.tracker)
-        states.append(tracked_model.follow(tied, x.tracked[k], followed, p.dt, p.substeps))
+        states.append(tracked_model.follow(tied, x.tracked[k], (given, places, out[k]), p.dt, p.substeps))
     return out[:, :, 0], out[0, :, 1], tuple(states)
 
 

@@ -1,15 +1,19 @@
 """The stage model tracks the measured path of a log: what must be added to its effort is the residual effort."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from stagectl.gap.logs import log_start
 from stagectl.gap.logs.session import Array, Log
 from stagectl.gap.residuals.noise_at_rest import Spans, quiet
-from stagectl.gap.residuals.thresholds import FASTEST_TRACKER, SLOWEST_TRACKER, SUBSTEPS, TRACKER_BANDWIDTH
+from stagectl.gap.residuals.thresholds import LONGEST_TICK, SUBSTEPS, TRACKER_BANDWIDTH
 from stagectl.kernels import feedback, stage, tracked_model
+
+ROUNDING = 1e-9  # of a period, below which a tick is not counted
 
 
 class MeasuredPath(NamedTuple):
@@ -54,14 +58,32 @@ def mean_path(paths: Sequence[MeasuredPath]) -> MeasuredPath:
     return paths[0]._replace(rows=np.mean([path.rows[:rows] for path in paths], axis=0), sensed=sensed)
 
 
+def ticks(dt: float) -> int:
+    """How often the tracker corrects in a period `dt` (s)."""
+    return math.ceil(dt / LONGEST_TICK * (1.0 - ROUNDING))
+
+
 def tracker(nominal: stage.Stage, dt: float) -> feedback.Pid:
     """The controller that keeps a model on the path, designed by pole placement on the nominal mechanics.
 
     All candidates share its poles: the estimator must not depend on what it estimates.
     """
-    share = max(TRACKER_BANDWIDTH, min(SLOWEST_TRACKER * dt, FASTEST_TRACKER))
-    gains = feedback.place_poles(nominal.mechanics, nominal.motor.force_constant, share / dt)
-    return feedback.discretised(gains, dt)
+    tick = dt / ticks(dt)
+    gains = feedback.place_poles(nominal.mechanics, nominal.motor.force_constant, TRACKER_BANDWIDTH / tick)
+    return feedback.discretised(gains, tick)
+
+
+def places(position: Array, late: int, count: int) -> Array:
+    """Positions (n, m) at the `count` ticks of each row of `position` (n,), by a cubic (Catmull and Rom).
+
+    Many ticks need where the machine is then: the position is logged `late` (samples).
+    """
+    if count == 1:
+        return position[:, None]
+    line = np.pad(position, (1, late + 2), mode="reflect", reflect_type="odd")[late:]
+    t = np.arange(count) / count
+    cubic = 0.5 * np.stack([((2 - t) * t - 1) * t, (3 * t - 5) * t * t + 2, ((4 - 3 * t) * t + 1) * t, (t - 1) * t * t])
+    return sliding_window_view(line, 4)[: len(position)] @ cubic
 
 
 def tracking_residual(
@@ -78,10 +100,11 @@ def tracking_residual(
         plant.stops[:] = load if start.going_on[0] == 0.0 else (1.0 - load) * plant.stops
     x = tracked_model.State(plant, feedback.AT_REST)
     out = np.empty((len(path.rows), 2))
-    steps = stage.steps_that_hold(p.stage, path.dt, substeps)
-    measured = path.rows[:, 2]
-    rows = np.column_stack([path.rows[:, :2], measured - path.sensed])
-    tracked_model.follow(p, x, (rows, out), path.dt, steps)
+    count, measured = ticks(path.dt), path.rows[:, 2]
+    steps = stage.steps_that_hold(p.stage, path.dt / count, math.ceil(substeps / count))
+    rows = np.column_stack([path.rows[:, 0], measured - path.sensed])
+    line = places(path.rows[:, 1], p.stage.encoder.delay_samples, count)
+    tracked_model.follow(p, x, (rows, line, out), path.dt, steps)
     missing = np.where(np.isnan(measured), 0.0, measured - out[:, 1])
     with np.errstate(over="ignore"):  # of a candidate that diverges: its residual is not finite, and it is left out
         return ModelResidual(out[:, 0] * p.stage.motor.force_constant, missing)

@@ -4,12 +4,12 @@ Unless a line names another origin, a value was chosen and is not derived.
 """
 
 # -- tracking the model along a measured path --------------------------------------------------------------------------
-# Share of the sampling frequency: bandwidth of the tracker, 40 Hz at 2 kHz.  A faster tracker holds the model closer
-# to the path but excites every candidate that has a resonance.
+# Share of the tracker's own rate: its bandwidth, 40 Hz at 2 kHz.  A faster tracker holds the model closer to the path
+# but excites every candidate that has a resonance.
 TRACKER_BANDWIDTH = 0.02
-# Hz below which it does not fall, as a reversal takes a tenth of a second, and the share of the sampling frequency that
-# it then takes at most.  At 94 Hz the share of 0.02 would place the reversals of a robot's joint 40 ms late.
-SLOWEST_TRACKER, FASTEST_TRACKER = 20.0, 0.08
+# s: longest tick of the tracker.  A log may be slower, and the motion is not.  With a tracker of 5 Hz on a robot's
+# joint at 64 Hz, friction held the model on the spot where the joint moved by 3 mrad/s.
+LONGEST_TICK = 5e-4
 SUBSTEPS = 4  # integration steps per period; effects stiffer than rolling friction take more by themselves
 # Integration steps per period for sensitivities: both simulations of a difference share their integration error, so
 # that half as many suffice.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals.model_tracking import ticks
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import LEAST_TRACKED
 from stagectl.kernels.plant import Mechanics
@@ -18,13 +19,16 @@ Response = NDArray[np.complex128]
 
 def tracking(p: TrackedModel, lines: Array, dt: float) -> Response:
     """Response (f,) of the tracking loop of `p` at the frequencies `lines` (f,) Hz; `dt` is the period (s)."""
-    z = np.exp(2j * np.pi * dt * lines)
+    count = ticks(dt)
+    tick = dt / count
+    z = np.exp(2j * np.pi * tick * lines)
     z = np.where(z == 1.0, 1.0 + 1e-9, z)  # the integrators are infinite at rest
     c = p.tracker
     controller = c.proportional + c.integral * (z + 1.0) / (z - 1.0) + c.derivative * (z - 1.0) / (z - c.decay)
-    plant = _mass(p.stage.mechanics, z, dt)
-    loop = controller * p.stage.motor.force_constant * plant * z ** -float(p.stage.encoder.delay_samples)
-    return loop / (1.0 + loop)
+    late = p.stage.encoder.delay_samples if count == 1 else 0  # ticks know where the machine is
+    loop = controller * p.stage.motor.force_constant * _mass(p.stage.mechanics, z, tick) * z ** -float(late)
+    mean = np.polyval(np.ones(count), z) / count  # over the ticks of a period
+    return np.asarray(loop / (1.0 + loop) * mean, dtype=np.complex128)
 
 
 def _mass(m: Mechanics, z: Response, dt: float) -> Response:
