@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import accumulate
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
+from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import friction_family, least_squares, model_tracking, pitch_orders, whitening
 from stagectl.gap.residuals.half_strokes import half_strokes, known_from, standstills
 from stagectl.gap.residuals.model_tracking import MeasuredPath as Measured
@@ -19,6 +21,7 @@ from stagectl.gap.residuals.model_tracking import ModelResidual
 from stagectl.gap.residuals.sensitivities import TrackedModel, model_residual, unit_tracker
 from stagectl.gap.residuals.thresholds import ROLL_OFF
 from stagectl.kernels import effects, stage, tracked_model
+from stagectl.kernels.fields import put
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
 
@@ -87,6 +90,35 @@ def test_a_model_is_tracked_whatever_its_inertia(factor: float) -> None:
     acceleration = 4.0 * math.pi**2 * np.cos(2.0 * math.pi * t)[middle]
     assert np.corrcoef(effort, acceleration)[0, 1] > 0.9
     assert np.std(effort) / np.std(acceleration) == pytest.approx(other.mechanics.inertia, rel=0.15)
+
+
+@pytest.mark.parametrize("dt", [1.0 / 64.0, 1e-2, 1e-3])
+def test_friction_does_not_hold_a_model_where_the_machine_moves(dt: float) -> None:
+    """A joint at 3 mrad/s with a ripple that its model lacks: a tracker of a few hertz would let the model stick."""
+    p = SETUP.stage
+    slip = p.friction.operators.slip[0]
+    operators = p.friction.operators._replace(weight=5.0 * np.eye(len(p.friction.operators.weight))[0])
+    p = p._replace(friction=p.friction._replace(operators=operators))
+    for place, value in {
+        "drive.current_lag": 0.0, "drive.delay_samples": 0, "drive.current_limit": 1e6, "encoder.delay_samples": 0,
+        "mechanics.inertia": 1.0, "mechanics.viscous": 0.0,
+    }.items():  # fmt: skip
+        p = put(p, place, value)
+    row = np.arange(round(40.0 / dt))
+
+    def joint(t: Array) -> Array:
+        return np.asarray(0.01 * np.sin(0.3 * t))
+
+    mean = (row + 0.5) * dt  # a command is held for a period
+    turned = joint(mean)
+    stop = np.array(
+        list(accumulate(np.diff(turned, prepend=0.0), lambda s, dx: min(max(s + dx / slip, -1.0), 1.0), initial=0.0))
+    )[1:]
+    ripple = 2.0 * np.sin(2.0 * math.pi * turned / 1.2e-3)
+    command = (-0.09 * turned + 5.0 * stop + ripple) / p.motor.force_constant
+    path = Measured(np.column_stack([command, joint(row * dt), np.full(len(row), np.nan)]), 0.0, dt)
+    left = model_residual(TrackedModel(p, unit_tracker(p, dt)), path).effort + ripple
+    assert np.std(left[len(row) // 4 :]) < 0.1 * np.std(ripple)
 
 
 def test_whitened_noise_is_flat() -> None:

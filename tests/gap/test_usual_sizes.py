@@ -71,19 +71,22 @@ def test_the_base_is_known_around_its_nominal_values(ball_screw: Setup) -> None:
     heavier = nominal._replace(
         stage=nominal.stage._replace(mechanics=mechanics._replace(inertia=1.1 * mechanics.inertia))
     )
-    known = Prior(nominal, effort=1.0, largest=2.0, speed=10.0, dt=5e-4, strokes=8, force=0.3)
+    known = Prior(nominal, effort=1.0, largest=2.0, speed=10.0, dt=5e-4, strokes=8, force=0.3, viscous=0.3)
     prior = usual_sizes.of_base(known, heavier, ["inertia", "bias"], places)
     assert prior.mean == pytest.approx([-0.1 * mechanics.inertia, 0.0])
     assert prior.deviation[0] == pytest.approx(constants.INERTIA * mechanics.inertia)
 
 
 @pytest.mark.parametrize(("missing", "kept"), [(0.0, True), (0.3, True), (50.0, False)])
-def test_a_friction_that_cannot_be_right_is_no_knowledge(ball_screw: Setup, missing: float, kept: bool) -> None:
+@pytest.mark.parametrize(("name", "width", "wide"), [("bias", "force", 60.0), ("viscous", "viscous", 6.0)])
+def test_a_friction_that_cannot_be_right_is_no_knowledge(
+    ball_screw: Setup, name: str, width: str, wide: float, missing: float, kept: bool
+) -> None:
     """The logs hold `missing` times the friction of the file besides its own: it then counts up to their effort."""
     rows = np.random.default_rng(3).standard_normal((400, 2))
     z = np.column_stack([rows[:, 0], missing * rows[:, 0] + 0.1 * rows[:, 1]])
     square = np.stack([z[:200].T @ z[:200], z[200:].T @ z[200:]])
-    g = Grams(("bias",), square, np.zeros_like(square), np.zeros((2, 2)), np.zeros(2, int), np.arange(2))
+    g = Grams((name,), square, np.zeros_like(square), np.zeros((2, 2)), np.zeros(2, int), np.arange(2))
     nominal = TrackedModel(ball_screw.stage, feedback.Pid(*[0.0] * len(feedback.Pid._fields)))
-    prior = Prior(nominal, effort=60.0, largest=90.0, speed=10.0, dt=5e-4, strokes=40, force=0.3)
-    assert believed(g, ["bias"], prior).force == (0.3 if kept else 60.0)
+    prior = Prior(nominal, effort=60.0, largest=90.0, speed=10.0, dt=5e-4, strokes=40, force=0.3, viscous=0.3)
+    assert getattr(believed(g, [name], prior), width) == (0.3 if kept else wide)

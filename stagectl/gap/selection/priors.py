@@ -37,14 +37,14 @@ class Prior(NamedTuple):
     dt: float  # s
     strokes: int  # distinct half strokes that count
     force: float  # N m | N, standard deviation of each force of the friction and of the bias
+    viscous: float  # N m s/rad | N s/m, that of the viscous friction
 
     def width(self, name: str) -> float:
         """Standard deviation of the parameter `name` around its nominal value, in its own unit."""
         p = self.nominal.stage
-        viscous = constants.VISCOUS * p.mechanics.viscous or self.effort / self.speed
         known = {
             "inertia": constants.INERTIA * p.mechanics.inertia,
-            "viscous": viscous,
+            "viscous": self.viscous,
             "time_shift": self.dt,
             "dead_time": self.dt,
         }
@@ -108,11 +108,12 @@ def prior_of(nominal: TrackedModel, runs: Sequence[Run], dt: float) -> Prior:
     strokes = sum(len(np.unique(run.cluster[run.weight > 0.0])) for run in runs)
     largest, usual = float(np.nanmax(np.abs(constant * rows[:, 0]))), float(np.sqrt(np.nanmean(effort * effort)))
     force = constants.FRICTION * stage.sliding(nominal.stage.friction) or usual  # of no friction nothing is known
-    return Prior(nominal, usual, largest, max(speed, 1e-12), dt, max(strokes, 1), force)
+    viscous = constants.VISCOUS * nominal.stage.mechanics.viscous or usual / max(speed, 1e-12)
+    return Prior(nominal, usual, largest, max(speed, 1e-12), dt, max(strokes, 1), force, viscous)
 
 
 def believed(g: Grams, names: Sequence[str], prior: Prior) -> Prior:
-    """`prior`, or with friction as wide as the logs' effort: the one under which the data are more probable.
+    """`prior`, or with Coulomb or viscous friction as wide as the logs' effort, or both: what makes them likeliest.
 
     A share of a value that is wrong by far is no knowledge.  `g` is that of the nominal model.
     """
@@ -124,7 +125,8 @@ def believed(g: Grams, names: Sequence[str], prior: Prior) -> Prior:
         width = np.array([p.width(name) for name in names])
         return conditioned(data, evidence.Prior(places, np.zeros(len(names)), width)).log_evidence
 
-    return max(prior, prior._replace(force=prior.effort), key=log_evidence)
+    forces, viscous = (prior.force, prior.effort), (prior.viscous, prior.effort / prior.speed)
+    return max((prior._replace(force=f, viscous=v) for f in forces for v in viscous), key=log_evidence)
 
 
 def _value(model: TrackedModel, name: str) -> float:
