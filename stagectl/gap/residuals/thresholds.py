@@ -8,8 +8,9 @@ Unless a line names another origin, a value was chosen and is not derived.
 # but excites every candidate that has a resonance.
 TRACKER_BANDWIDTH = 0.02
 # s: longest tick of the tracker.  A log may be slower, and the motion is not.  With a tracker of 5 Hz on a robot's
-# joint at 64 Hz, friction held the model on the spot where the joint moved by 3 mrad/s.
-LONGEST_TICK = 5e-4
+# joint at 64 Hz, friction held the model on the spot where the joint moved by 3 mrad/s.  Halved: the joint's answer is
+# the same, and a motor that is polled at 431 Hz has cogging without its multiples, as noise grows with the bandwidth.
+LONGEST_TICK = 1e-3
 SUBSTEPS = 4  # integration steps per period; effects stiffer than rolling friction take more by themselves
 # Integration steps per period for sensitivities: both simulations of a difference share their integration error, so
 # that half as many suffice.
