@@ -10,10 +10,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from stagectl.gap.logs import log_start
 from stagectl.gap.logs.session import Array, Log
 from stagectl.gap.residuals.noise_at_rest import Spans, quiet
-from stagectl.gap.residuals.thresholds import LONGEST_TICK, SUBSTEPS, TRACKER_BANDWIDTH
+from stagectl.gap.residuals.thresholds import SUBSTEPS, TICK, TRACKER_BANDWIDTH
 from stagectl.kernels import feedback, stage, tracked_model
-
-ROUNDING = 1e-9  # of a period, below which a tick is not counted
 
 
 class MeasuredPath(NamedTuple):
@@ -60,7 +58,7 @@ def mean_path(paths: Sequence[MeasuredPath]) -> MeasuredPath:
 
 def ticks(dt: float) -> int:
     """How often the tracker corrects in a period `dt` (s)."""
-    return math.ceil(dt / LONGEST_TICK * (1.0 - ROUNDING))
+    return max(round(dt / TICK), 1)
 
 
 def tracker(nominal: stage.Stage, dt: float) -> feedback.Pid:
