@@ -7,9 +7,9 @@ Unless a line names another origin, a value was chosen and is not derived.
 # Share of the tracker's own rate: its bandwidth, 40 Hz at 2 kHz.  A faster tracker holds the model closer to the path
 # but excites every candidate that has a resonance.
 TRACKER_BANDWIDTH = 0.02
-# s: tick of the tracker in a slower log, as its motion is no slower.  With a tracker of 5 Hz on a robot's joint at 64 Hz,
-# friction held the model on the spot where the joint moved by 3 mrad/s.  Halved: the joint's answer is the same, and of
-# a motor that is polled at 431 Hz the cogging is found without its multiples, as noise grows with the bandwidth.
+# s: tick of the tracker in a slower log, as its motion is no slower.  With a tracker of 5 Hz on a robot's joint at
+# 64 Hz, friction held the model on the spot where the joint moved by 3 mrad/s.  Halved: the joint's answer is the
+# same, and of a motor polled at 431 Hz the cogging is found without its multiples, as noise grows with the bandwidth.
 TICK = 1e-3
 SUBSTEPS = 4  # integration steps per period; effects stiffer than rolling friction take more by themselves
 # Integration steps per period for sensitivities: both simulations of a difference share their integration error, so
