@@ -104,13 +104,13 @@ def test_friction_does_not_hold_a_model_where_the_machine_moves(dt: float) -> No
         "mechanics.inertia": 1.0, "mechanics.viscous": 0.0,
     }.items():  # fmt: skip
         p = put(p, place, value)
-    row = np.arange(round(40.0 / dt))
+    row = np.arange(40.0 / dt)
 
     def joint(t: Array) -> Array:
         return np.asarray(0.01 * np.sin(0.3 * t))
 
-    mean = (row + 0.5) * dt  # a command is held for a period
-    turned = joint(mean)
+    middle = (row + 0.5) * dt  # a command is held for a period
+    turned = joint(middle)
     stop = np.array(
         list(accumulate(np.diff(turned, prepend=0.0), lambda s, dx: min(max(s + dx / slip, -1.0), 1.0), initial=0.0))
     )[1:]
