@@ -235,16 +235,20 @@ def _with_next(error: StageError) -> str:
     exchanged = any(one.reason.startswith("belongs to a ") for one in error.problems)  # else it is wrong on this axis
     if exchanged and (kind := configuration.kind(file)):
         other = "stage" if kind == "trajectory" else "trajectory"
-        return f"{file} is a valid {kind} file, but {_place(file)} takes a {other} file: see --help"
+        place = _place(file)
+        both = place == _HERE and sum(word.endswith((".yaml", ".yml")) for word in sys.argv[1:]) > 1
+        remedy = "the stage file comes first" if both else "see --help"
+        return f"{file} is a valid {kind} file, but {place} takes a {other} file: {remedy}"
     return f"{error}\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
 
 
 def _place(file: object) -> str:
     """Where a file was given: the option before it, or the place of an argument."""
     before = (one for one, other in itertools.pairwise(sys.argv) if other == str(file) and one.startswith("--"))
-    return next(before, "this place")
+    return next(before, _HERE)
 
 
+_HERE = "this place"
 _OTHER_FILE = "\na stage or trajectory file (.yaml) belongs here: see the command with --help"
 
 

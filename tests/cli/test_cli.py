@@ -110,7 +110,7 @@ def test_usage(command: Command) -> None:
         assert "Traceback" not in err
     refused(
         command("simulate", STAGE, SINE, "--without", "pid"),
-        "--without pid; must be one of ptc, friction, effects, observer",
+        "--without pid: must be one of ptc, friction, effects, observer",
     )
 
 

@@ -86,7 +86,7 @@ def test_an_axis_must_be_named_and_be_there(command: Command) -> None:
 
 
 def test_what_two_axes_on_a_bus_cannot_be(tmp_path: Path) -> None:
-    with pytest.raises(ServiceError, match="two axes have the same"):
+    with pytest.raises(ServiceError, match="for both: give each another number"):
         machine([str(variant(tmp_path, "drive.wire.node: 6", "drive.wire.node: 5"))], None)
     path = variant(tmp_path, "coupled: true ", "coupled: false ")
     assert not together([str(path)])

@@ -283,7 +283,7 @@ def test_the_verb_shows_writes_a_copy_and_does_not_write_unasked(stage: Path, tm
     code, words = run(str(tmp_path), str(stage), "--yes", "-o", str(new))
     assert code == 2 and "exists: choose another name" in words
     code, words = run(str(tmp_path), str(stage), "--yes", "-o", f"{tmp_path}/sub/")
-    assert code == 2 and f"take -o {tmp_path}/sub.yaml" in words and not (tmp_path / "sub").exists()
+    assert code == 2 and f"take {tmp_path}/sub.yaml" in words and not (tmp_path / "sub").exists()
     code, words = run(str(tmp_path), str(stage), "--yes", "--json", "-")
     assert code == 0 and '"name": "mechanics.bias"' in words and load_stage(stage).file.mechanics.bias != 0.0
     code, words = run(str(tmp_path), str(stage), "--json", "-")

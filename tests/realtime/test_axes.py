@@ -239,7 +239,7 @@ def test_axes_that_cannot_share_are_refused_with_figures(tmp_path: Path) -> None
     (tmp_path / "drives").symlink_to(CONFIG / "drives")
     other = tmp_path / "other.yaml"
     for text, period, wrong in (
-        (slow.read_text(), "slow", "the same drive.wire.node"),
+        (slow.read_text(), "slow", "for both: give each another number"),
         (STAGE.read_text().replace("node: 5", "node: 6"), "slow", "the same$"),
         (STAGE.read_text().replace("node: 5", "node: 6"), "fast", r"take 119 % of the bus, .* at least 0.744 ms"),
     ):

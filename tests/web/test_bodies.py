@@ -73,7 +73,7 @@ def test_a_download_is_named_after_its_machine_and_axis(service: Service) -> Non
     ("body", "kind", "error"),
     [
         (b'{"to": 5}', "application/json", 'body.to: must be an object, such as {"x": "5 mm"}'),
-        (b'{"to": {"axis": 5}}', "application/json", "body.to.axis: must be text, a quantity with its unit"),
+        (b'{"to": {"axis": 5}}', "application/json", "body.to.axis: must be text, a number with its unit in quotes"),
         (b'{"to": {"axis": "5 mm"}}', "application/x-www-form-urlencoded", "send the header Content-Type"),
     ],
 )
