@@ -14,7 +14,7 @@ from stagectl.config.unit_format import worded
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.friction import relaxed
 from stagectl.plan import Start
-from stagectl.problem import nearest
+from stagectl.problem import meant
 from stagectl.realtime.axis_data import LAW, Orders
 from stagectl.realtime.bumpless_transfer import flattened
 from stagectl.realtime.shared_memory import AHEAD, Board, Move, Order, Status
@@ -258,11 +258,8 @@ class AxisController:
         known = self._changeable()
         for name, text in values.items():
             if name not in known:
-                near = nearest(name, list(known))
-                meant = f"did you mean {near}? " if near else ""
-                raise ServiceError(
-                    f"control.{name} cannot be changed while the service runs: {meant}these can: {', '.join(known)}"
-                )
+                hint = meant(name, list(known), "these can:")
+                raise ServiceError(f"control.{name} cannot be changed while the service runs: {hint}")
             quantity = known[name]
             unit = quantity.unit_for(self.setup.file.axis.kind)
             try:

@@ -52,6 +52,11 @@ class Bench(SingleMotion):
         for _ in range(periods):
             self.loop.period()
 
+    @property
+    def secured(self) -> bool:
+        """Whether the brake holds, and the power is off."""
+        return not self.rig.seen.powered and not self.rig.node.axis.brake.free
+
     def dropped(self, since: int) -> float:
         """How far below the highest place after row `since` of the trace it ended (m)."""
         places = [sample.position for sample in self.rig.trace[since:]]
@@ -156,7 +161,7 @@ def test_a_new_controller_sets_the_brake_before_it_takes_the_power(upright: Setu
     drive = bench.rig.connect()
     bench.rig.time.sleep(1.0)
     assert "stopped, and its power cut" in drive.describe()["found under power"]
-    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.secured
     assert bench.dropped(since) <= DROP
 
 
@@ -178,7 +183,7 @@ def test_a_stop_while_its_brake_is_released_lets_the_brake_hold_again_first(upri
     bench.run(lambda: bench.axis.state is State.DISABLED)
     bench.loop.leave()
     bench.rig.time.sleep(1.0)
-    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.secured
     assert bench.dropped(since) <= DROP
 
 
@@ -214,7 +219,7 @@ def test_an_order_to_the_brake_that_is_lost_is_given_again_before_power_goes(upr
     switched_off(bench)
     bench.loop.leave()
     bench.rig.time.sleep(1.0)
-    assert lost and not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert lost and bench.secured
     assert bench.dropped(since) <= DROP
 
 
@@ -239,7 +244,7 @@ def test_an_axis_that_its_holding_current_does_not_carry_loses_its_power_within_
     assert abs(bench.rig.seen.position) < 3.0 * limit
     for _ in range(1000):
         bench.loop.period()
-    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.secured
 
 
 def test_a_brake_that_takes_its_time_is_waited_for(upright: Setup) -> None:
@@ -269,7 +274,7 @@ def test_outputs_that_cannot_be_read_are_taken_by_the_answer_to_the_write(uprigh
     switched_off(bench)
     bench.loop.leave()
     bench.rig.time.sleep(1.0)
-    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.secured
     assert bench.dropped(since) <= DROP
 
 
@@ -325,7 +330,7 @@ def test_a_drive_that_holds_by_itself_is_let_go_where_commands_are_lost(upright:
     for _ in range(500):
         bench.loop.period()
     bench.rig.time.sleep(0.002)
-    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.secured
     assert bench.dropped(since) <= DROP
 
 
@@ -336,7 +341,7 @@ def test_the_end_of_a_process_takes_the_power_where_commands_are_lost(upright: S
     bench.run(lambda: bench.axis.state is State.FAULT)
     bench.loop.leave()
     bench.rig.time.sleep(1.0)
-    assert not bench.rig.seen.powered and not bench.rig.node.axis.brake.free
+    assert bench.secured
 
 
 @pytest.mark.parametrize(("fault", "lasts"), [("feedback-lost", 0.002), ("feedback-lost", 0.0), ("cable-out", 0.0)])

@@ -8,8 +8,6 @@
            <-- outputs ------------      confirmed where bit 0 is as ordered, or the drive does not let it be read
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 

@@ -25,11 +25,8 @@ _MEANS = ("RPDO time-out (0x1400:05)", "heartbeat (0x1016)", "node guarding (0x1
 NOT_OFFERED = "not offered by this drive"
 ALIVE = frame(HEARTBEAT + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
-_FAULT, _QUICK_STOP, _HOLDS = (
-    1,
-    3,
-    (5, 6, 7, 8),
-)  # options 0x6007; options 0x605A that stay in Quick stop active, under power
+_FAULT, _QUICK_STOP = 1, 3  # options 0x6007
+_HOLDS = (5, 6, 7, 8)  # options 0x605A that stay in Quick stop active, under power
 _OTHER_RAMP = (1, 5)  # options 0x605A and 0x605E that slow down on 0x6084; the next number is the same on 0x6085
 _KNOWN = (None, 0, *cia402.BRAKING)  # None: a drive that has no option slows down on 0x6085; 0: it coasts
 _WRITTEN = (_QUICK_STOP, 1, 2)  # in which order they are tried: the ramp of a quick stop is known

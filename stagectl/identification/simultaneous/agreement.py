@@ -12,8 +12,6 @@ Sources: band spectrum regression, R. F. Engle, International Economic Review 15
 clusters, K.-Y. Liang, S. L. Zeger, Biometrika 73(1), 1986.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
