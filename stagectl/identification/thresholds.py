@@ -208,8 +208,7 @@ SLIP_SPAN = 300.0  # longest slip over the shortest that is seen, at most
 SLIPS, BRISTLES = 20, 5  # stop operators, lengths of bristles
 STRIBECK_OPERATORS = (3, 8, 14)  # stop operators that have Stribeck columns
 # Their least speed in that of the motion, and their number; the largest is this share of the axis' own, and between
-# these shares of the motion's.  What is faster looks like viscous friction: on 68 machines of another hand D was off by
-# 1.4, 1.1 and 1.0 of its standard deviations (rms) with columns up to 0.3, 0.5 and 1.0 of the motion's speed.
+# these shares of the motion's.  Up to 0.3, 0.5 and 1.0 of it, D was off by 1.4, 1.1 and 1.0 deviations on 68 machines.
 STRIBECK_LEAST, STRIBECK_COLUMNS = 0.01, 6
 STRIBECK_LIMIT, STRIBECK_MOST = 0.05, (0.5, 1.0)
 STRIBECK_SEEN, STRIBECK_RISE = 0.55, 0.2  # faster ones, of the motion's speed, are of this scale; in Coulomb frictions

@@ -99,6 +99,7 @@ def estimated(answer: Answer) -> Estimate:
     theta = best.known.mean[:, best.best]
     residual = p.forces(best.delays[[best.best]]).rows[:, 0] - p.columns @ theta
     bands = _bands(p, answer, sums, delay, p.whitening(residual), shift)
+    bands[-1] = max(bands[-1], p.delay.deviation and _uneven(p) ** 2)
     factors = np.sqrt(np.maximum(bands / np.maximum(np.diag(covariance), 1e-300), 1.0))
     covariance *= np.outer(factors, factors)
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -157,6 +158,11 @@ def _added_by_noise(p: Problem, answer: Answer, sums: Array, delay: _Delay, shif
     noise, direct = _moved(p, answer), cho_solve(answer.best.known.factor, sums.T).T
     added = np.append(noise * direct[:, ACCELERATION], 0.0) - shift
     return np.asarray(added + noise * delay.variance * delay.weights[ACCELERATION] * delay.parameters)
+
+
+def _uneven(p: Problem) -> float:
+    """How well (s) the time stamps tell when a row was: a logger that is late now and then is late on average."""
+    return max(rows.capture.unevenness for rows in p.parts)
 
 
 def _inertia(answer: Answer) -> float:

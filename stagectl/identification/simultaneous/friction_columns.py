@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from stagectl.identification import thresholds
@@ -52,10 +53,10 @@ class Shapes(NamedTuple):
         return self.speed[1::2]
 
     @property
-    def hidden(self) -> Array:
+    def hidden(self) -> NDArray[np.intp]:
         """Places of the Stribeck columns that this motion hardly tells from viscous friction."""
         fast = np.tile(self.speed > thresholds.STRIBECK_SEEN * self.fastest, len(self.graded))
-        return self.groups["stribeck"].start + np.flatnonzero(fast)
+        return np.asarray(self.groups["stribeck"].start + np.flatnonzero(fast))
 
     @property
     def groups(self) -> dict[str, slice]:
