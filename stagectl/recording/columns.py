@@ -30,7 +30,7 @@ QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
 CHOICES = ("time", "position", "velocity", "current", "command", "reference", "injection")
 _HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-zµμ°%‰][A-Za-zµμ .*·]*))?")
 _BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
-_CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
+_CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=3"
 # Notes of a recording about columns that its log does not have.
 WITHOUT = {
@@ -69,9 +69,14 @@ class Choice(NamedTuple):
     sign: float = 1.0  # -1: the column is turned
 
     @property
+    def place(self) -> str:
+        """The column in its log: in a table this is its header, brackets and all."""
+        return f"{self.name}[{self.number}]" if self.number else self.name
+
+    @property
     def written(self) -> str:
         """The column as ``--columns`` has it, without its unit."""
-        return f"{'-' if self.sign < 0.0 else ''}{self.name}{f'[{self.number}]' if self.number else ''}"
+        return f"{'-' if self.sign < 0.0 else ''}{self.place}"
 
 
 def choices(words: Mapping[str, str] | None) -> list[Choice]:

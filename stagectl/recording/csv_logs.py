@@ -136,19 +136,19 @@ def _with_unit(choice: Choice, how: Layout, at: int) -> Choice:
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:
     """The index of a column, from its name or its number."""
-    names, count = how.names, how.width
-    if choice.name in names:
-        return names.index(choice.name)
-    if not choice.name.isdecimal():
+    names, count, place = how.names, how.width, choice.place
+    if place in names:
+        return names.index(place)
+    if not place.isdecimal():
         there = (
             f"its columns are {', '.join(names)}" if names else f"it has no header, so give a number from 1 to {count}"
         )
-        reason = f"{path} has no column {choice.name} for the {choice.quantity}: {there}"
-        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
-    if not 1 <= int(choice.name) <= count:
-        reason = f"column {choice.name} of {path}; must be 1 to {count}, the first is 1"
-        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
-    return int(choice.name) - 1
+        reason = f"{path} has no column {place} for the {choice.quantity}: {there}"
+        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=place)
+    if not 1 <= int(place) <= count:
+        reason = f"column {place} of {path}; must be 1 to {count}, the first is 1"
+        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=place)
+    return int(place) - 1
 
 
 def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales | None, known: Known) -> Scales:
