@@ -32,6 +32,7 @@ _HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(
 _BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=3"
+NO_TIME = "; if the log holds none, add a column of it: the number of the row times the time from row to row"
 # Notes of a recording about columns that its log does not have.
 WITHOUT = {
     "reference": "no reference: it has neither a tracking error nor a trajectory",
@@ -215,5 +216,6 @@ def of_choices(
     for ours, quantity in (("time", "time"), ("measured", "position")):
         if ours not in found and not (ours == "measured" and "velocity" in found):
             reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
+            reason += NO_TIME if quantity == "time" else ""
             raise RecordingError(reason, path, ProblemKind.MISSING, column=ours)
     return scales, found
