@@ -103,7 +103,8 @@ def _preamble(how: Layout) -> str:
 
 
 def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice], known: Known) -> Log:
-    chosen = [_with_unit(choice, how, _column(path, how, choice)) for choice in chosen]
+    units = (choice.unit or header_unit(how.name(_column(path, how, choice))) for choice in chosen)
+    chosen = [choice._replace(unit=unit) for choice, unit in zip(chosen, units, strict=True)]
     scales, found = of_choices(chosen, taken, path, known)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in found.items()}
     if how.stamped(at := places["time"][0]):  # whatever unit is named, they are read in s
@@ -115,23 +116,18 @@ def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice],
     columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}
     others = [_other_unit(how, at, found[ours], scales) for ours, (at, _) in places.items()]
     notes = [*_skipped(how), *filter(None, others)]
-    labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
+    labelled = {ours: how.name(at) or labels[at] for ours, (at, _) in places.items()}
     return Log(path, scales, columns, [*notes, *cut], {}, labelled)
 
 
 def _other_unit(how: Layout, at: int, taken: tuple[Choice, float], scales: Scales) -> str:
     """What to note where column `at` has another unit by its header than by the choice; empty where it has none."""
     choice, scale = taken
-    said = header_unit(how.names[at]) if at < len(how.names) else ""
+    said = header_unit(how.name(at))
     with contextlib.suppress(StageError):  # a unit that the axis cannot have is another one, too
         if not said or choice.sign * meaning(choice.quantity, said, scales)[1] == scale:
             return ""
-    return f"{how.names[at]} is read in {choice.unit}, as --columns says: its header says {said}"
-
-
-def _with_unit(choice: Choice, how: Layout, at: int) -> Choice:
-    """The choice of a column with the unit that its header says, where the choice says none."""
-    return choice._replace(unit=choice.unit or (header_unit(how.names[at]) if at < len(how.names) else ""))
+    return f"{how.name(at)} is read in {choice.unit}, as --columns says: its header says {said}"
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:

@@ -23,6 +23,7 @@ from stagectl.evaluation import tracking_error
 from stagectl.paired_comparison import CONFIDENCE
 from stagectl.recording.hdf5 import open_recording
 from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors
+from stagectl.workflows.trials import every_period
 
 Array = NDArray[np.float64]
 REST = "rest of the model"  # the player that is no effect
@@ -100,10 +101,9 @@ def traces(recordings: list[str]) -> Array:
     rows = []
     for path in recordings:
         recording = open_recording(Path(path))
-        samples, meta = recording.samples, recording.meta
-        error = tracking_error(samples, meta)
+        meta, error = recording.meta, tracking_error(recording.samples, recording.meta)
         first, last = (round(time / meta["dt"]) for time in meta["steady"])
-        rows.append(np.interp(np.arange(first, last), np.rint(samples["time"] / meta["dt"]), error))
+        rows.append(every_period(recording.column("time"), error, (first, last), meta["dt"]))
     return np.stack(rows)
 
 

@@ -73,9 +73,9 @@ def _response(axes: tuple[Axes, Axes, Axes], curve: dict[str, Any], colour: str)
     marks: dict[str, Any] = {"linewidth": 0.8, "marker": "o", "color": colour}
     marks |= {"linestyle": "none", "markersize": 2.5} if dense else {"linestyle": "-", "markersize": 4}
     label = f"{curve['amplitude']:.3g} A {curve['kind']}{', axis moving' if curve['moving'] else ''}"
-    for axes, values, half in ((gain, decibel, 8.69 * bars), (phase, degrees, np.degrees(bars))):
-        axes.errorbar(frequency[sound], values[sound], half[sound], elinewidth=0.7, label=label, **marks)
-        axes.plot(frequency[~sound], values[~sound], "o", color=colour, markerfacecolor="none", markersize=3)
+    for panel, values, half in ((gain, decibel, 8.69 * bars), (phase, degrees, np.degrees(bars))):
+        panel.errorbar(frequency[sound], values[sound], half[sound], elinewidth=0.7, label=label, **marks)
+        panel.plot(frequency[~sound], values[~sound], "o", color=colour, markerfacecolor="none", markersize=3)
     known = [(f, c) for f, c in zip(curve["frequency"], curve["coherence"], strict=True) if c is not None]
     if known:
         coherence.plot(*np.array(known).T, **marks)
