@@ -5,12 +5,10 @@ The standard's functions in fmi3.c know nothing else of the model.  Its text is 
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
-
-import jinja2
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.c_code.translation import Translation
+from stagectl.interchange.fmu.templates import TEMPLATES
 from stagectl.interchange.fmu.variables import Leaf, Variable, leaves
 from stagectl.kernels import equilibrium, stage
 from stagectl.units import Quantity
@@ -23,15 +21,13 @@ def header(setup: Setup, variables: list[Variable]) -> str:
         kernels.add(kernel)
     each = list(leaves(setup.stage))
     starts = [*((variable.place, variable.start) for variable in variables), *_constants(each)]
-    environment = jinja2.Environment(trim_blocks=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
-    environment.filters["within"] = _within
-    source = Path(__file__).with_name("model.h.jinja").read_text(encoding="utf-8")
-    return environment.from_string(source).render(
+    return TEMPLATES.get_template("model.h.jinja").render(
         kernels=kernels.text(),
         period=repr(setup.dt),
         substeps=setup.file.simulation.substeps,
         operators=len(setup.stage.friction.operators.weight),
         variables=variables,
+        within=_within,
         references={variable: reference for reference, variable in enumerate(variables)},
         arrays=[leaf for leaf in each if not isinstance(leaf.value, int | float)],
         starts=[(place, kernels.types.constant(value, type(value))) for place, value in starts],
