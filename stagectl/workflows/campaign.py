@@ -199,19 +199,11 @@ def _once_made(campaign: Campaign, run: Run, motion: Motion, shown: tuple[Say, P
 def _motion(campaign: Campaign, run: Run, begun: float) -> Motion:
     """The run's motion, whose recording says what it is a capture of, and when in the session."""
     motion, now = campaign.motions[run.experiment.name], campaign.clock()
-    start = run.start if campaign.machine.simulated else now - begun
-    meta = {
-        **motion.meta,
-        "created": time.strftime(STAMP, time.localtime(now)),
-        "capture": {
-            "experiment": run.experiment.name,
-            "repeat": run.repeat,
-            "use": run.experiment.use,
-            "start_s": round(start, 3),
-        },
-        "campaign": _campaign(campaign),
-    }
-    return motion._replace(meta=meta)
+    start = round(run.start if campaign.machine.simulated else now - begun, 3)
+    experiment = run.experiment
+    capture = {"experiment": experiment.name, "repeat": run.repeat, "use": experiment.use, "start_s": start}
+    about = {"created": time.strftime(STAMP, time.localtime(now)), "capture": capture, "campaign": _campaign(campaign)}
+    return motion._replace(meta={**motion.meta, **about})
 
 
 def _campaign(campaign: Campaign) -> dict[str, Any]:

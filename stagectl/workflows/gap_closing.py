@@ -155,10 +155,10 @@ def _round(closing: Closing, stage: Path, number: int, struck: Names, shown: Sho
 
 def _where(found: DiagnosisResult) -> str:
     """``mechanics 71 %, over the speed 55 %``; what could not be judged is left out."""
-    shares = {name: share for name, share in found.blocks.items() if share is not None}
-    blocks = [f"{name} {percent(shares[name])}" for name in sorted(shares, key=lambda name: -shares[name])[:1]]
-    most = sorted(found.coordinates, key=lambda coordinate: -coordinate.share)[:1]
-    return ", ".join([*blocks, *(f"over the {coordinate_label(one.name)} {percent(one.share)}" for one in most)])
+    blocks = [(share, name) for name, share in found.blocks.items() if share is not None]
+    over = [(each.share, f"over the {coordinate_label(each.name)}") for each in found.coordinates]
+    largest = [max(each, key=lambda pair: pair[0]) for each in (blocks, over) if each]
+    return ", ".join(f"{name} {percent(share)}" for share, name in largest)
 
 
 def _recorded(closing: Closing, setup: Setup, shown: Shown) -> Closing:

@@ -64,21 +64,11 @@ def _page(result: Acceptance, signature: dict[str, Any], machine: Path) -> Page:
         if result.accepted
         else "NOT ACCEPTED: " + "; ".join(f"{step.name} {step.outcome.value}" for step in missing) + "."
     )
-    return Page(
-        f"Acceptance of {result.stage}",
-        answer,
-        _notes(result, signature),
-        pictures(result.steps, result.unit),
-        [
-            _steps(result),
-            Table("Drive", ["", ""], [[name, value] for name, value in result.drive.items()]),
-        ],
-        [
-            f"stagectl drive accept {result.stage_file} --person {shlex.quote(result.person)}",
-            f"stagectl drive verify {machine.name}",
-        ],
-        result.software,
-    )
+    title, figures = f"Acceptance of {result.stage}", pictures(result.steps, result.unit)
+    tables = [_steps(result), Table("Drive", ["", ""], [[name, value] for name, value in result.drive.items()])]
+    again = f"stagectl drive accept {result.stage_file} --person {shlex.quote(result.person)}"
+    commands = [again, f"stagectl drive verify {machine.name}"]
+    return Page(title, answer, _notes(result, signature), figures, tables, commands, result.software)
 
 
 def _notes(result: Acceptance, signature: dict[str, Any]) -> list[str]:
