@@ -18,14 +18,13 @@ OPTIONS = "-std=c99 -O2 -ffp-contract=off"  # the bits of the compiled kernels: 
 def model_description(setup: Setup, variables: list[Variable], identifier: str, token: str) -> str:
     """The text of modelDescription.xml."""
     kind = setup.file.axis.kind
-    units = sorted({each.quantity.unit_for(kind) for each in variables} - {""})
     return TEMPLATES.get_template("modelDescription.xml.jinja").render(
         name=setup.file.name,
         token=token,
         identifier=identifier,
         period=setup.dt,
         version=versions()["stagectl"],
-        units=[(unit, *in_base_units(unit)) for unit in units],
+        units=_units({each.quantity.unit_for(kind) for each in variables}),
         variables=[(TYPES[type(each.start)], _entries(each, k, kind)) for k, each in enumerate(variables)],
         outputs=[reference for reference, each in enumerate(variables) if each.causality == "output"],
     )
@@ -35,6 +34,11 @@ def build_description(identifier: str, source: str) -> str:
     """The text of sources/buildDescription.xml."""
     template = TEMPLATES.get_template("buildDescription.xml.jinja")
     return template.render(identifier=identifier, source=source, options=OPTIONS)
+
+
+def _units(units: set[str]) -> list[tuple[str, float, dict[str, int]]]:
+    """Each unit with its factor and exponents in SI base units."""
+    return [(unit, *in_base_units(unit)) for unit in sorted(units - {""})]
 
 
 def _entries(variable: Variable, reference: int, kind: str) -> dict[str, object]:
