@@ -83,7 +83,7 @@ def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
     shown = [_drawn(time, places, ("position", unit), steady)]
     if {"reference", "closed"} <= set(names):
         error = np.where(evaluation.closed(samples), evaluation.tracking_error(samples, meta), np.nan)
-        inside = evaluation.window(time, steady)
+        inside = evaluation.window(time, meta["steady"])
         if np.isfinite(error).any():  # an open loop has none
             late = evaluation.started(samples, meta)
             drawn = _drawn(time, [("", error, WITH)], ("tracking error", unit), steady, error[inside & late])
