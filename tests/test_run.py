@@ -219,16 +219,17 @@ def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tell", "number"), [(os.kill, signal.SIGINT), (os.kill, signal.SIGTERM), (os.killpg, signal.SIGHUP)]
+    ("tell", "number"),
+    [(os.kill, signal.SIGINT), (os.kill, signal.SIGTERM), (os.killpg, signal.SIGHUP), (os.killpg, signal.SIGINT)],
 )
 def test_a_signal_stops_the_axis_and_keeps_the_recording(
     tmp_path: Path, tell: Callable[[int, int], None], number: int
 ) -> None:
-    """Of the command alone, or, as a terminal that hangs up does, of all its processes; Ctrl-C: `test_interrupt`.
+    """Of the command alone, or, as a terminal does, of all its processes.
 
     A shell's background process ignores SIGINT, and Python then raises no KeyboardInterrupt.
     """
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN if tell is os.kill else signal.SIG_DFL)
     hung_up = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # also where the tests run under `nohup`
     try:
         with drive(STAGE, tmp_path / "bus"):

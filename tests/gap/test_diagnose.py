@@ -60,6 +60,13 @@ def test_a_small_effect_that_is_all_of_the_gap_is_named_and_no_unknown(tmp_path:
     assert result.verdict == "effects" and _named(result) == [effect]
 
 
+def test_a_viscous_friction_that_bends_downwards_is_no_stribeck_friction(tmp_path: Path) -> None:
+    """Less than linear by a power of the speed: the exponent and its share come out with their intervals."""
+    session, _ = _trial(tmp_path, 3, "single", effects=("viscous_nonlinear",), scale=2.0)
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    assert result.verdict == "effects" and _named(result) == ["viscous_nonlinear"]
+
+
 @pytest.mark.parametrize("seed", [3, 4])  # early, late
 def test_a_report_of_the_current_is_late_by_what_its_staircase_shows(tmp_path: Path, seed: int) -> None:
     """Half a period, of currents that are where they go to after a third of one: fast motions show all of it."""
