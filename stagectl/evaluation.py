@@ -63,7 +63,7 @@ def travelled(position: NDArray[np.float64]) -> list[float]:
 
 def latched_reference(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.float64]:
     """Reference (n,) of the instant at which each measured position was latched, nm periods before."""
-    late = int(meta["nm"])
+    late = int(meta["nm"] or 0)  # an imported log does not say it
     reference: NDArray[np.float64] = np.concatenate([np.repeat(samples["reference"][:1], late), samples["reference"]])
     return reference[: len(samples)]
 

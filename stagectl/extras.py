@@ -12,7 +12,7 @@ EXTRAS = {
     "service": ("fastapi", "uvicorn", "websockets"),
     "mcap": ("mcap",),
     "mujoco": ("mujoco",),
-    "fmu": ("fmpy",),
+    "fmu": ("fmpy", "jinja2"),
     "foxglove": ("foxglove",),
     "exam": ("sklearn",),
 }

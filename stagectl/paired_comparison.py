@@ -11,9 +11,12 @@ one false verdict below 5 %.  The intervals are not adjusted.
 Source: D. C. Montgomery, Design and Analysis of Experiments, chapters 2 and 4; S. Holm, Scand. J. Statistics 6, 1979.
 """
 
+from __future__ import annotations
+
 import math
 import random
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +35,16 @@ class Figures(NamedTuple):
     name: str
     peak: Array  # (r,) m or rad of travel, over the steady window
     rms: Array  # (r,)
+
+    @classmethod
+    def of(cls, name: str, errors: Sequence[Mapping[str, float]]) -> Figures:
+        """Those of the tracking errors of its repeats, each with peak and rms."""
+        return cls(name, *(np.array([error[measure] for error in errors]) for measure in ("peak", "rms")))
+
+    def as_json(self) -> dict[str, dict[str, Any]]:
+        """Mean and values of each measure as JSON values."""
+        measures = {"peak": self.peak, "rms": self.rms}
+        return {name: {"mean": float(np.mean(x)), "values": x.tolist()} for name, x in measures.items()}
 
 
 class Difference(NamedTuple):

@@ -22,6 +22,7 @@ from tests.conftest import CONFIG, ROOT, SOURCES
 DOCS = ROOT / "docs"
 _NAMED = re.compile(r'(?m)^ *```yaml title="([\w.-]+\.yaml)"\n(.*?)^ *```', re.DOTALL)
 _PATIENCE = 300.0  # s: the machine is shared
+_FEWER = {"experiments/current-sine-1.6hz-5a.yaml": 4, "trajectories/sine-1.6hz.yaml": 1}  # periods: enough to identify
 
 
 def text(page: str) -> str:
@@ -71,9 +72,10 @@ class Reader:
     def __init__(self, folder: Path, page: str = "") -> None:
         self.folder = folder
         shutil.copytree(CONFIG, folder / "config")
-        if not page.startswith("tutorial-"):  # their figures are those of the whole experiment
-            long = folder / "config" / "experiments" / "current-sine-1.6hz-5a.yaml"
-            long.write_text(long.read_text().replace("periods: 16", "periods: 4"))  # enough to identify a stage by
+        if not page.startswith("tutorial-"):  # their figures are those of the whole motions
+            for name, periods in _FEWER.items():
+                long = folder / "config" / name
+                long.write_text(re.sub(r"(?m)^periods: \d+", f"periods: {periods}", long.read_text()))
         (folder / ".venv").symlink_to(sys.prefix)
         for name, content in _NAMED.findall(text(page)) if page else ():
             (folder / name).write_text(content)

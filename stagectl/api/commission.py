@@ -40,7 +40,7 @@ from stagectl.workflows import campaign, gap_closing, loop_trial, stage_versions
 from stagectl.workflows.acceptance import page as acceptance_page
 from stagectl.workflows.acceptance import protocol
 from stagectl.workflows.acceptance.result import signed
-from stagectl.workflows.closing_shares import REST
+from stagectl.workflows.closing_errors import REST
 from stagectl.workflows.machine_of_the_day import drawn
 from stagectl.workflows.motion import line_of
 from stagectl.workflows.trials import Shown, TrialError, ready

@@ -57,11 +57,17 @@ def _pair(stage: DesignedStage, sine: str, output: Path, bar: Any, say: Say) -> 
 def _page(pairs: list[Pair], output: Path) -> Page:
     from stagectl.report.figures import embedded, motion
 
-    worst = max(pair[1].summary["tracking_error"]["peak"] for pair in pairs)
-    bare = max(pair[0].summary["tracking_error"]["peak"] for pair in pairs)
-    late = sum(record.summary["late_cycles"] for pair in pairs for record in pair)
-    cycles = sum(record.summary["cycles"] for pair in pairs for record in pair)
+    peaks = [[record.summary["tracking_error"]["peak"] for record in pair] for pair in pairs]
+    bare, worst = (max(each) for each in zip(*peaks, strict=True))
+    late, cycles = (
+        sum(record.summary[name] for pair in pairs for record in pair) for name in ("late_cycles", "cycles")
+    )
     figures = [_figure_pair(*pair) for pair in pairs]
+    captions = [
+        f"{figure.title}: the error peaks at {length(without, 'm')} without friction compensation, at "
+        f"{length(compensated, 'm')} with it."
+        for figure, (without, compensated) in zip(figures, peaks, strict=True)
+    ]
     motion(figures).savefig(output / "first-light.png", dpi=130)
     return Page(
         "stagectl demo: a ball-screw stage over CAN at 2 kHz",
@@ -75,48 +81,28 @@ def _page(pairs: list[Pair], output: Path) -> Page:
             f"{cycles} control cycles, {late} of them late. The virtual plant moves one period per SYNC, so a late "
             "cycle does not disturb it; on a machine it would.",
         ],
-        [
-            Picture(embedded(motion([figure])), _caption(figure.title, *pair))
-            for figure, pair in zip(figures, pairs, strict=True)
-        ],
+        [Picture(embedded(motion([figure])), caption) for figure, caption in zip(figures, captions, strict=True)],
         [Table("Tracking error", _HEAD, [_row(*pair) for pair in pairs])],
         ["make run", *(f".venv/bin/stagectl replay {pair[1].path}" for pair in pairs)],
         narrow=True,
     )
 
 
-def _caption(title: str, *pair: MotionRecord) -> str:
-    bare, compensated = (length(record.summary["tracking_error"]["peak"], "m") for record in pair)
-    return f"{title}: the error peaks at {bare} without friction compensation, at {compensated} with it."
-
-
-_HEAD = [
-    "motion",
-    "peak, without",
-    "peak, with",
-    "rms, without",
-    "rms, with",
-    "peak current, with",
-    "late cycles, both",
-]
+_ERRORS = (f"{kind}, {how}" for kind in ("peak", "rms") for how in ("without", "with"))
+_HEAD = ["motion", *_ERRORS, "peak current, with", "late cycles, both"]
 
 
 def _row(*pair: MotionRecord) -> list[str]:
     bare, compensated = (record.summary for record in pair)
-    errors = [run["tracking_error"][kind] for kind in ("peak", "rms") for run in (bare, compensated)]
+    errors = [length(run["tracking_error"][kind], "m") for kind in ("peak", "rms") for run in (bare, compensated)]
     late, cycles = (bare[name] + compensated[name] for name in ("late_cycles", "cycles"))
-    return [
-        compensated["trajectory"],
-        *(length(x, "m") for x in errors),
-        f"{compensated['peak_current']:.2f} A",
-        f"{late} of {cycles}",
-    ]
+    current = f"{compensated['peak_current']:.2f} A"
+    return [compensated["trajectory"], *errors, current, f"{late} of {cycles}"]
 
 
 def _figure_pair(bare: MotionRecord, compensated: MotionRecord) -> Any:
-    from stagectl.report import figures
+    from stagectl.report.figures import Pair
 
     meta = bare.recording.meta
     title = f"{meta['trajectory'].removeprefix('sine-').removesuffix('hz')} Hz"
-    scale, steady = meta["axis"]["travel_per_unit"], tuple(meta["steady"])
-    return figures.Pair(title, bare.samples, compensated.samples, scale, steady)
+    return Pair(title, bare.samples, compensated.samples, meta["axis"]["travel_per_unit"], tuple(meta["steady"]))

@@ -19,7 +19,6 @@ from stagectl.workflows import motion as workflow
 from stagectl.workflows import simulated_motion
 
 if TYPE_CHECKING:
-    from stagectl.config.stage_file import Setup
     from stagectl.service.single_motion import Motion
 
 
@@ -48,7 +47,8 @@ def simulate(
         _takes_three(friction)
     designed = as_stage(stage)
     commanded = as_trajectory(trajectory).bound(designed.setup)
-    motion = _laid_out(designed.setup, commanded, switched_off(without, designed.compensator), None, learned)
+    off = switched_off(without, designed.compensator)
+    motion = workflow.lay_out(designed.setup, commanded, off, None, _path(learned))
     machine = None if plant is None else as_stage(plant).setup
     if seed is not None:
         machine = workflow.reseeded(machine or designed.setup, seed)
@@ -95,10 +95,10 @@ def run(
         if say is not None:
             say(words)
 
-    place = None if recording is None else Path(recording)
     designed = as_stage(stage)
     commanded = as_trajectory(trajectory).bound(designed.setup)
-    motion = _laid_out(designed.setup, commanded, switched_off(without, designed.compensator), place, learned)
+    off = switched_off(without, designed.compensator)
+    motion = workflow.lay_out(designed.setup, commanded, off, _path(recording), _path(learned))
     motion = motion._replace(reset_fault=reset_fault)
     for words in unreached(commanded.experiment, designed.setup.file.axis.travel_unit):
         heard(f"note: {words}")
@@ -110,22 +110,15 @@ def run(
     return MotionRecord(open_recording(motion.recording), summary, tuple(messages))
 
 
-def _laid_out(
-    setup: Setup,
-    commanded: workflow.Commanded,
-    without: frozenset[str],
-    recording: Path | None,
-    learned: PathLike | None,
-) -> Motion:
-    return workflow.lay_out(setup, commanded, without, recording, None if learned is None else Path(learned))
+def _path(place: PathLike | None) -> Path | None:
+    return None if place is None else Path(place)
 
 
 def _with_twin(motion: Motion, record: PathLike | None, say: Say) -> Motion:
     from stagectl.twin.start import companion
 
     say("starting the twin: some seconds, and longer once for each version, while its kernels are compiled")
-    place = None if record is None else Path(record)
-    return motion._replace(companion=companion(motion.setup, motion.law, motion.recording, place))
+    return motion._replace(companion=companion(motion.setup, motion.law, motion.recording, _path(record)))
 
 
 def _seen(motion: Motion, say: Say) -> dict[str, Any]:

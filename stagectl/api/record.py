@@ -89,7 +89,13 @@ class MotionRecord(PrintedResult):
         return frame(self.to_arrays(), self.units)
 
     def tracking_error(self) -> Array:
-        """Reference minus measured position (n,) of the instant it was latched, in m of travel (or rad)."""
+        """Reference minus measured position (n,) of the instant it was latched, in m of travel (or rad).
+
+        Of a log that does not say how late its position is, both are of the same row.
+        Raises RecordingError where the log lacks one of the two.
+        """
+        for name in ("reference", "measured"):
+            self.recording.column(name)  # raises where there is none
         return tracking_error(self.samples, self.recording.meta)
 
     def sheet(self) -> Sheet:
@@ -177,7 +183,7 @@ def load_log(
     Raises RecordingError with file, row and reason.
     """
     place = Path(path)
-    setup = None if stage is None else as_stage(stage).setup
+    setup = None if stage is None else as_stage(stage, judged=False).setup  # a log was recorded by whatever loop
     if place.suffix == ".h5":
         return record_of(open_recording(place).filled("load"))
     if place.is_dir() and not (place / "captures.yaml").is_file():
@@ -214,8 +220,8 @@ def named_columns(columns: Mapping[str, str] | str | None) -> Mapping[str, str] 
 def record_of(recording: Recording) -> MotionRecord:
     """A recording with what it achieved, if its columns show that."""
     whole = set(rollout.COLUMNS) <= set(recording.samples.dtype.names or ())
-    known = whole and {"steady", "duration", "nm"} <= set(recording.meta)
-    if not known:
+    known = [recording.meta.get(name) is not None for name in ("steady", "duration", "nm")]  # an import's nm is not
+    if not (whole and all(known)):
         return MotionRecord(recording)
     return MotionRecord(recording, {**evaluate(recording.samples, recording.meta), "lost_rows": recording.lost_rows})
 

@@ -141,9 +141,7 @@ class DesignedStage(PrintedResult):
     @checked
     def on_channel(self, channel: str | None) -> DesignedStage:
         """The stage on another channel of its bus.  Raises DriveError where it is on no CAN bus."""
-        from stagectl.config.stage_file import on_channel
-
-        return DesignedStage(on_channel(self.setup, channel), self.changes)
+        return DesignedStage(stage_file.on_channel(self.setup, channel), self.changes)
 
     @checked
     def save(self, path: PathLike) -> DesignedStage:

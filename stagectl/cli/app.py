@@ -28,6 +28,7 @@ from stagectl.problem import ProblemKind, remedy_of
 from stagectl.service.shutdown_signals import interrupting
 from stagectl.units import StageError
 
+_ORDERS = ("enable", "disable", "home", "move", "stop", "follow")
 # Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each holds.
 VERBS = {
     "motion": ("run", "simulate", "virtual-drive", "demo"),
@@ -35,19 +36,7 @@ VERBS = {
     "identification": ("identify", "tune"),
     "comparison": ("learn", "compare", "effects"),
     "studies": ("reproduce",),
-    "service": (
-        "serve",
-        "page",
-        "status",
-        "enable",
-        "disable",
-        "home",
-        "move",
-        "stop",
-        "follow",
-        "parameters",
-        "fault",
-    ),
+    "service": ("serve", "page", "status", *_ORDERS, "parameters", "fault"),
     "scope": ("scope",),
     "record": ("record",),
     "installation": ("doctor", "service"),

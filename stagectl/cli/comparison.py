@@ -4,21 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 from stagectl.api.arguments import LAYERS, switched_off
+from stagectl.cli import options
 from stagectl.cli.motion import noted
-from stagectl.cli.options import (
-    Channel,
-    FirstAxis,
-    Folder,
-    Json,
-    Plant,
-    Simulate,
-    Socket,
-    StageArgument,
-    TrajectoryArgument,
-    Without,
-    argument,
-    option,
-)
+from stagectl.cli.options import argument, option
 from stagectl.cli.service import uploaded
 from stagectl.cli.show import console, emit, progress, without_compiler, write_page
 from stagectl.extras import require
@@ -29,15 +17,15 @@ Trials = Annotated[int, option("--trials", "Number of trials to learn from.", mi
 
 
 def learn(
-    stage: StageArgument,
-    trajectory: TrajectoryArgument,
+    stage: options.StageArgument,
+    trajectory: options.TrajectoryArgument,
     trials: Trials = 8,
-    simulate: Simulate = False,
-    plant: Plant = None,
-    without: Without = None,
+    simulate: options.Simulate = False,
+    plant: options.Plant = None,
+    without: options.Without = None,
     output: Annotated[Path | None, option("--output -o FILE.h5", "Where to keep the learned current.")] = None,
-    channel: Channel = None,
-    json: Json = None,
+    channel: options.Channel = None,
+    json: options.Json = None,
 ) -> None:
     """Run a motion again and again, and learn the additional current that it needs; `run --learned FILE` then uses it.
 
@@ -63,20 +51,20 @@ def learn(
 
 
 def compare(
-    stage: StageArgument,
-    trajectory: TrajectoryArgument,
+    stage: options.StageArgument,
+    trajectory: options.TrajectoryArgument,
     variants: Annotated[list[str], argument("VARIANT...", "off, ptc, ptc+friction, ptc+table, ptc+friction+ilc ...")],
     repeats: Annotated[int, option("--repeats", "Number of runs of each variant.", min=1, max=1000)] = 5,
-    simulate: Simulate = False,
-    plant: Plant = None,
+    simulate: options.Simulate = False,
+    plant: options.Plant = None,
     learned: Annotated[
         list[Path] | None, option("--learned FILE.h5", "Learned current for ilc, instead of learning first.")
     ] = None,
     trials: Trials = 8,
     seed: Annotated[int, option("--seed", "Seed of the order of the runs.", min=0)] = 1,
     output: Annotated[Path | None, option("--output -o FOLDER", "Where to put recordings and page.")] = None,
-    channel: Channel = None,
-    json: Json = None,
+    channel: options.Channel = None,
+    json: options.Json = None,
 ) -> None:
     """Run a motion with different layers, interleaved, and report which of them help, and how certain that is.
 
@@ -125,14 +113,14 @@ def engine(simulate: bool) -> None:
 
 
 def effects(
-    trajectory: TrajectoryArgument,
-    axis: FirstAxis = "",
+    trajectory: options.TrajectoryArgument,
+    axis: options.FirstAxis = "",
     repeats: Annotated[int, option("--repeats", "Number of runs of each variant.", min=2, max=1000)] = 5,
     seed: Annotated[int, option("--seed", "Seed of the order of the runs.", min=0)] = 1,
     keep: Annotated[bool, option("--keep", "Only measure; drop nothing.")] = False,
-    output: Folder = None,
-    socket: Socket = None,
-    json: Json = None,
+    output: options.Folder = None,
+    socket: options.Socket = None,
+    json: options.Json = None,
 ) -> None:
     """Run a motion on the service with and without each effect's compensation, and drop what makes the error grow.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -41,15 +41,14 @@ def _check(path: Path, machine: Path | None) -> dict[str, Any]:
     from stagectl.config.source import UnreadableError
 
     try:
-        known = {str(axis): _known(axis, machine) for axis in axes_of(path)}
-        for axis, axis_file in known.items():
-            headline = ("valid", "yellow") if axis_file.warnings else ("good", "green")
-            console.print(Text.assemble(headline, f"  {axis}: {axis_file.words}"))
-            for warning in axis_file.warnings:
+        known = [(axis, *_known(axis, machine)) for axis in axes_of(path)]
+        for axis, words, warnings in known:
+            headline = ("valid", "yellow") if warnings else ("good", "green")
+            console.print(Text.assemble(headline, f"  {axis}: {words}"))
+            for warning in warnings:
                 console.print(Text.assemble(("warning:", "bold yellow"), f" {axis}: {warning}"))
-        warnings = [warning for axis_file in known.values() for warning in axis_file.warnings]
-        words = "; ".join(axis_file.words for axis_file in known.values())
-        return {"code": 0, "words": words, "warnings": warnings, "errors": []}
+        every = [warning for _, _, warnings in known for warning in warnings]
+        return {"code": 0, "words": "; ".join(words for _, words, _ in known), "warnings": every, "errors": []}
     except StageError as error:
         for line in str(error).splitlines():
             console.print(Text.assemble(("error:", "bold red"), f" {line}"))
@@ -60,16 +59,10 @@ def _check(path: Path, machine: Path | None) -> dict[str, Any]:
 def kind(path: Path) -> str:
     """Whether a valid file is a stage or a trajectory; empty where it is neither."""
     try:
-        return "trajectory" if _known(path).words.startswith("trajectory") else "stage"
+        _known(path)
     except StageError:
         return ""
-
-
-class _Known(NamedTuple):
-    """What a valid file says."""
-
-    words: str
-    warnings: tuple[str, ...] = ()
+    return "stage" if _is_stage(path) else "trajectory"
 
 
 def _is_stage(path: Path) -> bool:
@@ -88,15 +81,15 @@ def _is_stage(path: Path) -> bool:
     return False
 
 
-def _known(path: Path, machine: Path | None = None) -> _Known:
-    """What is in a valid file; a trajectory must keep to the limits of the `machine`, where there is one."""
+def _known(path: Path, machine: Path | None = None) -> tuple[str, list[str]]:
+    """What a valid file says, and warnings; a trajectory must keep to the limits of the `machine`, if there is one."""
     from stagectl.config.trajectory_file import load_free
     from stagectl.trajectories import phases
 
     if _is_stage(path):
         return _stage(path)
     duration = phases(load_free(path)).duration
-    return _Known(f"trajectory of {duration:.4g} s{_on(path, machine) if machine else ''}")
+    return f"trajectory of {duration:.4g} s{_on(path, machine) if machine else ''}", []
 
 
 def _on(path: Path, machine: Path) -> str:
@@ -113,7 +106,7 @@ def _on(path: Path, machine: Path) -> str:
     return f", within the limits of {machine}"
 
 
-def _stage(path: Path) -> _Known:
+def _stage(path: Path) -> tuple[str, list[str]]:
     from stagectl import design
     from stagectl.config.stage_checks import doubtful
     from stagectl.config.stage_file import load_stage
@@ -124,13 +117,13 @@ def _stage(path: Path) -> _Known:
     name, value, unit = design.speed(control)
     watched = ", with the observer" if "observer" in control.layers else ""
     phase, least = math.degrees(reached.phase), math.degrees(control.margin)
-    return _Known(
+    words = (
         f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; "
         f"phase margin {phase:.1f} deg (at least {least:g}), gain margin {20 * math.log10(reached.gain):.1f} dB, "
         f"crossover {reached.crossover:.1f} Hz{watched} "
-        f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples}); {_protects(setup.file)}",
-        tuple(filter(None, (design.limit_cycle_warning(setup.stage, control), doubtful(setup.file)))),
+        f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples}); {_protects(setup.file)}"
     )
+    return words, [*filter(None, (design.limit_cycle_warning(setup.stage, control), doubtful(setup.file)))]
 
 
 def _protects(file: StageFile) -> str:

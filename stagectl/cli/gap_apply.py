@@ -53,14 +53,8 @@ def apply(
         console.print(f"wrote {target}" + (f"; what it was is in {saved}" if saved else f", a copy of {stage}"))
     else:
         console.print(f"{stage} says all of this already: nothing is written")
-    emit(
-        {
-            "written": str(target) if patch.changes else None,
-            "changes": [change._asdict() for change in patch.changes],
-            "comments": list(patch.comments),
-        },
-        json,
-    )
+    written = {"written": str(target) if patch.changes else None, "comments": list(patch.comments)}
+    emit({**written, "changes": [change._asdict() for change in patch.changes]}, json)
 
 
 def _ask(target: Path, yes: bool) -> None:

@@ -7,17 +7,8 @@ import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from stagectl.cli.options import (
-    Channel,
-    Json,
-    Lines,
-    MachineOfTheDay,
-    Plant,
-    StageArgument,
-    TrajectoryArgument,
-    Without,
-    option,
-)
+from stagectl.cli import options
+from stagectl.cli.options import option
 from stagectl.cli.show import console, emit, reporter, single_threaded_algebra, summary, tell, typed, without_compiler
 from stagectl.extras import require
 
@@ -34,12 +25,12 @@ _UNLOADED, _UNCOMPILED = 40_000, 200_000
 
 
 def run(
-    stage: StageArgument,
-    trajectory: TrajectoryArgument,
-    without: Without = None,
-    json: Json = None,
+    stage: options.StageArgument,
+    trajectory: options.TrajectoryArgument,
+    without: options.Without = None,
+    json: options.Json = None,
     output: Output = None,
-    channel: Channel = None,
+    channel: options.Channel = None,
     learned: Learned = None,
     twin: Annotated[
         bool, option("--twin", "Run the model next to the axis and report how they differ; see `gap watch`.")
@@ -82,12 +73,12 @@ def run(
 
 
 def simulate(
-    stage: StageArgument,
-    trajectory: TrajectoryArgument,
-    without: Without = None,
-    json: Json = None,
+    stage: options.StageArgument,
+    trajectory: options.TrajectoryArgument,
+    without: options.Without = None,
+    json: options.Json = None,
     output: Output = None,
-    plant: Plant = None,
+    plant: options.Plant = None,
     learned: Learned = None,
 ) -> None:
     """Run the same law on the stage model, compiled, faster than real time.
@@ -114,17 +105,17 @@ def simulate(
 
 
 def virtual_drive(
-    stage: StageArgument,
-    channel: Channel = None,
+    stage: options.StageArgument,
+    channel: options.Channel = None,
     seed: Annotated[
         int | None, option("--seed", "Seed of its noise, instead of the stage file's.", min=0, max=2**31 - 1)
     ] = None,
-    machine_of_the_day: MachineOfTheDay = 0,
+    machine_of_the_day: options.MachineOfTheDay = 0,
     reveal: Annotated[bool, option("--reveal", "Say what was drawn for the machine of the day.")] = False,
     follow: Annotated[
         bool, option("--follow/--no-follow", "End when the process that started this one dies.", hidden=True)
     ] = False,
-    json: Lines = None,
+    json: options.Lines = None,
 ) -> None:
     """Run a virtual drive, CANopen or ODrive, that contains the stage model, until Ctrl-C.
 
@@ -161,7 +152,7 @@ def virtual_drive(
 
 def demo(
     output: Annotated[Path, option("--output -o FOLDER", "Folder for the recordings and the page.")] = Path("demo"),
-    json: Json = None,
+    json: options.Json = None,
 ) -> None:
     """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation.
 

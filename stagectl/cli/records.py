@@ -153,7 +153,8 @@ def import_(
 
     words = split(columns) if columns else None
     known = Known(_scale("counts", counts, stage), _scale("force-constant", force_constant, stage))
-    logs = import_log(source, load_stage(stage) if stage else None, words, known, yes)
+    setup = load_stage(stage, designed=False) if stage else None  # a log was recorded by whatever loop
+    logs = import_log(source, setup, words, known, yes)
     paths = _stored([log.recording for log in logs], source, output)
     written = []
     for (recording, guess), path in zip(logs, paths, strict=True):

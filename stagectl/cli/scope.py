@@ -136,7 +136,7 @@ def _list(axis: str, socket: Path | None, json: str | None) -> None:
 
 _MARGIN = 12  # characters left of the curve
 _LANE = 6  # lines
-_DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))  # Unicode braille: left and right column, from above
+_DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # Unicode braille: rows from above, left and right
 _BLANK = 0x2800
 
 
@@ -179,20 +179,19 @@ def curve(low: Sequence[float], high: Sequence[float], bounds: tuple[float, floa
 
     Neighbours are joined, so that a steep flank is a line and not single dots.  NaN leaves its column empty.
     """
+    import numpy as np
+
     width, height = size
-    cells = [[_BLANK] * width for _ in range(height)]
-    before: tuple[int, int] | None = None
-    for column, (bottom, top) in enumerate(_columns(low, high, 2 * width)):
-        if math.isnan(bottom) or math.isnan(top):
-            before = None
-            continue
-        first, last = (_row(value, bounds, 4 * height) for value in (top, bottom))
-        if before is not None:
-            first, last = min(first, before[1]), max(last, before[0])
-        before = _row(top, bounds, 4 * height), _row(bottom, bounds, 4 * height)
-        for row in range(first, last + 1):
-            cells[row // 4][column // 2] |= _DOTS[column % 2][row % 4]
-    return ["".join(map(chr, line)) for line in cells]
+    starts = np.arange(2 * width) * len(low) // (2 * width)
+    ends = np.stack([np.fmax.reduceat(high, starts), np.fmin.reduceat(low, starts)])  # of all that falls into a column
+    share = (bounds[1] - ends) / (bounds[1] - bounds[0])
+    first, last = np.floor(np.clip(4 * height * share, 0, 4 * height - 1))  # rows of dots, from above
+    before, nothing = np.roll([first, last], 1, axis=1), np.isnan(first + last)
+    before[:, 0] = before[:, np.roll(nothing, 1)] = np.nan
+    row = np.arange(4 * height)[:, None]
+    dots = ~nothing & (row >= np.fmin(first, before[1])) & (row <= np.fmax(last, before[0]))
+    cells = _BLANK + np.einsum("hrwc,rc->hw", dots.reshape(height, 4, width, 2).astype(np.int64), _DOTS)
+    return ["".join(map(chr, line)) for line in cells.tolist()]
 
 
 def bounds_of(low: Sequence[float], high: Sequence[float]) -> tuple[float, float]:
@@ -201,17 +200,3 @@ def bounds_of(low: Sequence[float], high: Sequence[float]) -> tuple[float, float
     bottom, top = (min(known), max(known)) if known else (0.0, 0.0)
     gap = 0.05 * (top - bottom) or max(abs(top) * 1e-3, 1e-12)
     return bottom - gap, top + gap
-
-
-def _columns(low: Sequence[float], high: Sequence[float], count: int) -> list[tuple[float, float]]:
-    """As many (lowest, highest) as there are columns; of each all that falls into it."""
-    import numpy as np
-
-    starts = np.arange(count) * len(low) // count
-    return list(zip(np.fmin.reduceat(low, starts).tolist(), np.fmax.reduceat(high, starts).tolist(), strict=True))
-
-
-def _row(value: float, bounds: tuple[float, float], rows: int) -> int:
-    """Row of dots from above."""
-    share = (bounds[1] - value) / (bounds[1] - bounds[0])
-    return min(max(int(share * rows), 0), rows - 1)

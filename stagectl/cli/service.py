@@ -7,20 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from stagectl.cli import options
 from stagectl.cli.addresses import foxglove_address, tcp_port
-from stagectl.cli.options import (
-    AxisName,
-    Channel,
-    Json,
-    Lines,
-    NoWait,
-    OneAxis,
-    Socket,
-    Stages,
-    TrajectoryArgument,
-    argument,
-    option,
-)
+from stagectl.cli.options import argument, option
 from stagectl.cli.show import console, emit, is_stage, reporter, without_compiler
 from stagectl.extras import require
 from stagectl.named_values import pairs
@@ -34,12 +23,12 @@ fault = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=
 
 @shutdown_signals.held_back(*shutdown_signals.STOPS)
 def serve(
-    stages: Stages,
+    stages: options.Stages,
     socket: Annotated[Path | None, option("--socket PATH", "Control socket; default: $STAGECTL_SOCKET.")] = None,
     state: Annotated[
         Path | None, option("--state FOLDER", "Folder for black boxes; default: $STATE_DIRECTORY.")
     ] = None,
-    channel: Channel = None,
+    channel: options.Channel = None,
     tcp: Annotated[
         str | None, option("--tcp HOST:PORT", "Serve the live page over TCP; a token allows reading.")
     ] = None,
@@ -49,7 +38,7 @@ def serve(
         str | None, option("--foxglove HOST:PORT", "Send every row to Foxglove; no access control.")
     ] = None,
     uncoupled: Annotated[bool, option("--uncoupled", "A fault of one axis does not stop the others.")] = False,
-    json: Lines = None,
+    json: options.Lines = None,
 ) -> None:
     """Run the machine as a service, for months: see docs/service.md.
 
@@ -77,7 +66,7 @@ def serve(
     run(service, tcp_port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 
 
-def page(socket: Socket = None, json: Json = None) -> None:
+def page(socket: options.Socket = None, json: options.Json = None) -> None:
     """Print the address of the live page, with the key that lets a browser move the axis.
 
     Example: stagectl page
@@ -88,7 +77,7 @@ def page(socket: Socket = None, json: Json = None) -> None:
     emit(result, json)
 
 
-def status(socket: Socket = None, json: Json = None) -> None:
+def status(socket: options.Socket = None, json: options.Json = None) -> None:
     """Show the axes of the running service.
 
     Example: stagectl status
@@ -99,7 +88,7 @@ def status(socket: Socket = None, json: Json = None) -> None:
 def _order(what: str, words: str, verb: str = "") -> Callable[..., None]:
     """The verb that gives one axis, or all, the order `what`; `words` are its help."""
 
-    def order(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
+    def order(axis: options.AxisName = "", socket: options.Socket = None, json: options.Json = None) -> None:
         _do(socket, f"{what}?axis={axis}", json)
 
     order.__doc__ = f"{words}\n\nExample: stagectl {verb or what}"
@@ -116,9 +105,9 @@ def move(
     by: Annotated[bool, option("--by", "Distances from here instead of positions.")] = False,
     speed: Annotated[str | None, option("--speed SPEED", "For example '50 mm/s'.")] = None,
     acceleration: Annotated[str | None, option("--acceleration ACCELERATION", "For example '1 m/s^2'.")] = None,
-    no_wait: NoWait = False,
-    socket: Socket = None,
-    json: Json = None,
+    no_wait: options.NoWait = False,
+    socket: options.Socket = None,
+    json: options.Json = None,
 ) -> None:
     """Move, and return when the axes are in position.
 
@@ -130,10 +119,10 @@ def move(
 
 
 def stop(
-    axis: AxisName = "",
+    axis: options.AxisName = "",
     quick: Annotated[bool, option("--quick", "Use the drive's ramp, then switch power off.")] = False,
-    socket: Socket = None,
-    json: Json = None,
+    socket: options.Socket = None,
+    json: options.Json = None,
 ) -> None:
     """Stop under control and hold; --quick: stop by the drive's ramp, power off.  Works even if the service hangs.
 
@@ -145,11 +134,11 @@ def stop(
 
 
 def follow(
-    trajectory: TrajectoryArgument,
-    axis: OneAxis = "",
-    no_wait: NoWait = False,
-    socket: Socket = None,
-    json: Json = None,
+    trajectory: options.TrajectoryArgument,
+    axis: options.OneAxis = "",
+    no_wait: options.NoWait = False,
+    socket: options.Socket = None,
+    json: options.Json = None,
 ) -> None:
     """Run a trajectory on the service, from the present position.
 
@@ -172,9 +161,9 @@ def uploaded(trajectory: Path) -> dict[str, Any]:
 
 def parameters(
     changes: Annotated[list[str] | None, argument("[NAME=VALUE]...", "For example bandwidth='30 Hz'.")] = None,
-    axis: AxisName = "",
-    socket: Socket = None,
-    json: Json = None,
+    axis: options.AxisName = "",
+    socket: options.Socket = None,
+    json: options.Json = None,
 ) -> None:
     """Show or change gains of the running service, without a step of the current.
 
@@ -191,7 +180,7 @@ def parameters(
 
 
 @fault.command("list")
-def fault_list(socket: Socket = None, json: Json = None) -> None:
+def fault_list(socket: options.Socket = None, json: options.Json = None) -> None:
     """List what stopped axes or processes, oldest first.
 
     Example: stagectl fault list

@@ -144,7 +144,8 @@ class Reader:
         kinds, quantity = get_args(plain(hint)), quantity_of(hint)
         fixed = len(kinds) if kinds[-1] is not Ellipsis else 0
         if not isinstance(node, yaml.SequenceNode):
-            remedy = f"[-{node.value}, {node.value}]" if fixed == 2 and _is_number(node) else "[a, b, ...]"
+            number = isinstance(node, yaml.ScalarNode) and node.value[:1].isdigit() and len(node.value) <= LONGEST_SHOWN
+            remedy = f"[-{node.value}, {node.value}]" if fixed == 2 and number else "[a, b, ...]"
             self.refuse(node, Problem("must be a list", ProblemKind.SHAPE, name, remedy=f"such as {remedy}"))
             return ()
         least = 0 if get_origin(kinds[0]) is Literal else 1  # a choice of words may choose none of them
@@ -211,11 +212,6 @@ class Reader:
             required = [field for field in kind._fields if field not in kind._field_defaults]
             return f"a block of {', '.join(required or kind._fields)}"
         return meaning_of(hint) or "required"
-
-
-def _is_number(node: yaml.Node) -> bool:
-    """Whether it is a number without a sign, with its unit."""
-    return isinstance(node, yaml.ScalarNode) and node.value[:1].isdigit() and len(node.value) <= LONGEST_SHOWN
 
 
 def _chosen(text: str, choices: tuple[str, ...]) -> str:

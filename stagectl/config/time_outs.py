@@ -28,16 +28,9 @@ def axis_limits(file: StageFile, waits_for_sync: bool = False) -> AxisLimits:
     brakes = min(file.own_ramp, max(effort - bias, 0.0) / inertia)
     coasts = max(sliding(friction_of(file.friction)) - bias, 0.0) / inertia
     speed = file.limits.speed
-    return AxisLimits(
-        file.drive.current_limit,
-        speed,
-        axis.kind == ROTARY,
-        RunOn(speed, acceleration, brakes),
-        RunOn(speed, acceleration, coasts),
-        axis.travel_per_unit,
-        axis.travel_unit,
-        waits_for_sync,
-    )
+    stops = RunOn(speed, acceleration, brakes), RunOn(speed, acceleration, coasts)
+    table = axis.travel_per_unit, axis.travel_unit
+    return AxisLimits(file.drive.current_limit, speed, axis.kind == ROTARY, *stops, *table, waits_for_sync)
 
 
 def free_distance(file: StageFile) -> float:

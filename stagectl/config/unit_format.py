@@ -3,6 +3,7 @@
 import contextlib
 import json
 import re
+import textwrap
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -16,6 +17,7 @@ from stagectl.problem import Problem, ProblemKind, nearest
 from stagectl.units import UnitError, factor, quantity_of
 
 _PREFIXED = {"m": (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0)), "s": (("us", 1e-6), ("ms", 1e-3), ("s", 1.0))}
+_HARD = "\u00a0"  # a blank at which no line is broken
 _PLAIN = re.compile(r"[A-Za-z][\w-]*")
 
 
@@ -73,15 +75,12 @@ def worded(value: Any, hint: Any, lengths: Lengths, like: str = "", column: int 
 def _list(values: list[float], unit: str, lengths: Lengths, like: str, column: int) -> str:
     typical = sorted(map(abs, values))[len(values) // 2] if values else 0.0
     chosen = _chosen(typical, unit, lengths, like)
-    lines, line = [], "["
-    for number, value in enumerate(values):
-        entry = _with_unit(value, *chosen) + ("]" if number == len(values) - 1 else ",")
-        if len(line) > 1 and column + len(line) + len(entry) + 1 > LINE_WIDTH:
-            lines.append(line)
-            line = " " * (column + 1) + entry
-        else:
-            line += entry if line == "[" else f" {entry}"
-    return "\n".join([*lines, line])
+    entries = ", ".join(_with_unit(value, *chosen).replace(" ", _HARD) for value in values)
+    margin = " " * column
+    lines = textwrap.fill(
+        f"[{entries}]", LINE_WIDTH, initial_indent=margin, subsequent_indent=f"{margin} ", break_on_hyphens=False
+    )
+    return lines.removeprefix(margin).replace(_HARD, " ")
 
 
 def _with_unit(value: float, unit: str, scale: float) -> str:

@@ -28,6 +28,7 @@ from scipy.interpolate import CubicSpline
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, IdentificationError, Refusal
+from stagectl.number_format import duration
 
 ORDER = 4
 PASSED = 0.4  # of the cut-off: 0.8 of the Nyquist frequency after the decimation
@@ -64,7 +65,11 @@ def design_filter(position: Array, dt: float, share: float = 1.0) -> FilterDesig
     design = FilterDesign(cutoff, kept, dt)
     least = thresholds.FILTERED_LEAST_ROWS * kept + 2 * design.edge
     if len(position) < least:
-        text = f"record of {len(position)} samples; must have at least {least}: record longer"
+        length, shortest = duration(dt * len(position)), duration(dt * least)
+        text = (
+            f"record of {len(position)} samples, {length}; must have at least {least}, {shortest}, for its low-pass at "
+            f"{cutoff:.3g} Hz: record longer"
+        )
         raise IdentificationError(text, Refusal.TOO_SHORT, value=len(position), admissible=f"[{least}, inf)")
     return design
 
@@ -73,14 +78,14 @@ def filtered_motion(position: Array, design: FilterDesign) -> FilteredMotion:
     """The motion (n,) at every row of the record."""
     b, a = signal.butter(ORDER, design.cutoff, fs=1.0 / design.dt)
     smooth = np.asarray(signal.filtfilt(b, a, position), dtype=np.float64)
-    velocity = _slope(smooth, design.dt)
-    return FilteredMotion(smooth, velocity, _slope(velocity, design.dt))
+    velocity = slope(smooth, design.dt)
+    return FilteredMotion(smooth, velocity, slope(velocity, design.dt))
 
 
-def _slope(column: Array, dt: float) -> Array:
-    """Derivative (n,) of a column (n,) with a row every `dt` (s): that of the cubic spline through it."""
-    time = dt * np.arange(len(column))
-    return np.asarray(CubicSpline(time, column)(time, 1), dtype=np.float64)
+def slope(columns: Array, dt: float) -> Array:
+    """Derivative of columns (n, ...) with a row every `dt` (s): that of the cubic spline through each."""
+    time = dt * np.arange(len(columns))
+    return np.asarray(CubicSpline(time, columns)(time, 1), dtype=np.float64)
 
 
 def decimated(columns: Array, design: FilterDesign) -> Array:

@@ -83,6 +83,7 @@ class Topic(enum.StrEnum):
     FROZEN = "frozen"  # a position that does not change
     GAPS = "gaps"
     JUMP = "jump"  # of the position
+    LATE = "late"  # a force that is not of the position's instant
     LEFT_OUT = "left out"
     LIMIT = "limit"  # of the stage file, exceeded
     METHOD = "method"  # how the data were treated
@@ -106,7 +107,7 @@ class Topic(enum.StrEnum):
     WITHHELD = "withheld"  # left out of the stage file's changes
 
 
-BIASING = frozenset({Topic.AFTER_REVERSALS, Topic.REVOLUTION, Topic.TOO_FAST, Topic.UNSETTLED})
+BIASING = frozenset({Topic.AFTER_REVERSALS, Topic.LATE, Topic.REVOLUTION, Topic.TOO_FAST, Topic.UNSETTLED})
 """Notes on an error that no interval holds: what stands beside one is written only where that is asked for."""
 
 

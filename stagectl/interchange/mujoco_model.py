@@ -17,6 +17,7 @@ Source of the elements: MuJoCo's XML reference, `actuator/general` and `actuator
 
 import importlib.util
 import math
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -91,19 +92,16 @@ def operators(p: Stage) -> bool:
 
 def callback(p: Stage) -> str:
     """The text of the Python file that gives the stop operators exactly."""
-    lines = (Path(__file__).parent / "passive_force.py").read_text(encoding="utf-8").splitlines()
-    friction = p.friction
+    text, friction = (Path(__file__).parent / "passive_force.py").read_text(encoding="utf-8"), p.friction
     values = {
         "WEIGHT": [float(x) for x in friction.operators.weight],
         "SLIP": [float(x) for x in friction.operators.slip],
         "START": [float(x) for x in stage.at_rest(p).stops],
         "STRIBECK": tuple(friction.stribeck),
     }
-    for number, line in enumerate(lines):
-        name = line.split(":")[0].split(" = ")[0]
-        if name in values:
-            lines[number] = f"{name} = {values[name]}  {line[line.index('#') :]}"
-    return "\n".join(lines) + "\n"
+    for name, value in values.items():  # their comments stay
+        text = re.sub(rf"^{name}\b.*?(?=  #)", f"{name} = {value}", text, flags=re.MULTILINE)
+    return text
 
 
 def step(setup: Setup) -> float:

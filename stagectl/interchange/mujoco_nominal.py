@@ -20,7 +20,7 @@ import numpy as np
 
 from stagectl.interchange.mujoco_model import GAUSSIAN
 from stagectl.problem import absent
-from stagectl.units import LINEAR, ROTARY, StageError
+from stagectl.units import LINEAR, ROTARY, StageError, unit_on
 
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): ROTARY, int(mujoco.mjtJoint.mjJNT_SLIDE): LINEAR}
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
@@ -113,16 +113,16 @@ def _driving(model: Any, joint: int) -> Iterator[int]:
 
 def _stage(p: _Joint) -> dict[str, Any]:
     kind, gear = KINDS[int(p.model.jnt_type[p.joint])], float(p.model.actuator_gear[p.actuator][0])
-    units = (
-        {"position_unit": "m", "torque_unit": "N"} if kind == LINEAR else {"position_unit": "rad", "torque_unit": "Nm"}
-    )
     return {
-        "name": p.name, "kind": kind, **units,
+        "name": p.name,
+        "kind": kind,
+        "position_unit": unit_on(kind, "rad | m"),
+        "torque_unit": unit_on(kind, "Nm | N"),
         "force_constant": float(p.model.actuator_gainprm[p.actuator][0]) * gear,
         "inertia": _inertia(p),
         "viscous": float(p.model.dof_damping[p.dof]),
         "bias": float(p.model.actuator_biasprm[p.actuator][0]) * gear - float(p.data.qfrc_bias[p.dof]),
-    }  # fmt: skip
+    }
 
 
 def _inertia(p: _Joint) -> float:

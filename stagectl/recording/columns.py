@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.config.stage_file import Setup
 from stagectl.named_values import pairs
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, bases_of, is_unit
+from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, bases_of, is_unit, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError, factor, unit_on
 
 Array = NDArray[np.float64]
@@ -30,8 +31,9 @@ QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
 CHOICES = ("time", "position", "velocity", "current", "command", "reference", "injection")
 _HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-zµμ°%‰][A-Za-zµμ .*·]*))?")
 _BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
-_CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
+_CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=3"
+NO_TIME = "; if the log holds none, add a column of it: the number of the row times the time from row to row"
 # Notes of a recording about columns that its log does not have.
 WITHOUT = {
     "reference": "no reference: it has neither a tracking error nor a trajectory",
@@ -59,6 +61,20 @@ class Log(NamedTuple):
     labels: Mapping[str, str] = MappingProxyType({})  # our columns by the log's own names
 
 
+class Stated(NamedTuple):
+    """What the user says of a log."""
+
+    setup: Setup | None = None  # the stage that it was recorded on
+    columns: Mapping[str, str] | None = None  # which column or variable is which: ``{"position": "qm:mm"}``
+    scales: Scales | None = None  # in the place of a stage, with the columns
+    known: Known = NOTHING_KNOWN  # where there is no stage
+
+    @property
+    def taken(self) -> Scales | None:
+        """The scales that are stated; None where the log itself must show them."""
+        return self.scales or (scales_of_stage(self.setup) if self.setup else None)
+
+
 class Choice(NamedTuple):
     """A column of a log, as the user names it."""
 
@@ -69,9 +85,19 @@ class Choice(NamedTuple):
     sign: float = 1.0  # -1: the column is turned
 
     @property
+    def place(self) -> str:
+        """The column in its log: in a table this is its header, brackets and all."""
+        return f"{self.name}[{self.number}]" if self.number else self.name
+
+    @property
     def written(self) -> str:
         """The column as ``--columns`` has it, without its unit."""
-        return f"{'-' if self.sign < 0.0 else ''}{self.name}{f'[{self.number}]' if self.number else ''}"
+        return f"{'-' if self.sign < 0.0 else ''}{self.place}"
+
+    @property
+    def said(self) -> str:
+        """The unit as chosen, else as its name says; empty where neither does."""
+        return self.unit or header_unit(self.name.rsplit(".", 1)[-1])
 
 
 def choices(words: Mapping[str, str] | None) -> list[Choice]:
@@ -152,16 +178,10 @@ def header_unit(name: str) -> str:
     return match[1] if match and is_unit(match[1]) else ""
 
 
-def unit_of(choice: Choice) -> str:
-    """The unit of a chosen column: as chosen, else as its name says; empty where neither does."""
-    return choice.unit or header_unit(choice.name.rsplit(".", 1)[-1])
-
-
 def _unit(choice: Choice, scales: Scales, path: Path) -> str:
-    """The same; of a motion it must be said.  Raises RecordingError where it is not."""
-    unit = unit_of(choice)
-    if unit or choice.quantity not in MOTIONS:
-        return unit
+    """The unit of a chosen column; of a motion it must be said.  Raises RecordingError where it is not."""
+    if choice.said or choice.quantity not in MOTIONS:
+        return choice.said
     known = scales.units(choice.quantity)
     where = f"{choice.quantity}={choice.written}"
     reason = (
@@ -185,16 +205,14 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
     raise RecordingError(reason, path, ProblemKind.UNIT)
 
 
-def of_choices(
-    chosen: list[Choice], taken: Scales | None, path: Path, known: Known = NOTHING_KNOWN
-) -> tuple[Scales, dict[str, tuple[Choice, float]]]:
+def of_choices(chosen: list[Choice], stated: Stated, path: Path) -> tuple[Scales, dict[str, tuple[Choice, float]]]:
     """The axis, and our columns by name: where each is, and its factor into SI.
 
-    The scales are those that are `taken`, else those that follow from the units of the positions, with what is `known`.
+    The scales are those that are `stated`, else those that follow from the units of the positions, with what is known.
     Raises RecordingError where time or position is not among them.
     """
     units = (choice.unit for choice in chosen if choice.quantity in ("position", "velocity"))
-    scales = taken or known.on(scales_by_unit(units, path))
+    scales = stated.taken or stated.known.on(scales_by_unit(units, path))
     found: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:
         unit = _unit(choice, scales, path)
@@ -210,5 +228,6 @@ def of_choices(
     for ours, quantity in (("time", "time"), ("measured", "position")):
         if ours not in found and not (ours == "measured" and "velocity" in found):
             reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
+            reason += NO_TIME if quantity == "time" else ""
             raise RecordingError(reason, path, ProblemKind.MISSING, column=ours)
     return scales, found

@@ -34,6 +34,10 @@ class Layout(NamedTuple):
         """The header: the row just before the numbers; empty where there is none."""
         return self.rows[-1] if self.skipped else []
 
+    def name(self, at: int) -> str:
+        """The header of column `at`; empty where there is none."""
+        return self.names[at] if at < len(self.names) else ""
+
     def stamped(self, at: int) -> bool:
         """Whether column `at` holds time stamps."""
         return at < len(self.first) and is_stamp(self.first[at])

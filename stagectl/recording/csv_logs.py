@@ -1,19 +1,18 @@
 """CSV files as logs: a header of quantities and units, our own exports, or columns that the user names."""
 
 import contextlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
 from stagectl.recording.columns import (
     EXAMPLE,
     POSITIONS,
     Choice,
     Log,
+    Stated,
     check_kind,
     check_once,
     choices,
@@ -27,25 +26,19 @@ from stagectl.recording.csv_layout import WORDS, Layout, layout
 from stagectl.recording.csv_table import read_table
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.in_memory import header
-from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, read_values, scales_of_nominal, scales_of_stage
+from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError
 
 
-def read(
-    path: Path,
-    setup: Setup | None,
-    about: dict[str, Any],
-    words: Mapping[str, str] | None = None,
-    scales: Scales | None = None,
-    known: Known = NOTHING_KNOWN,
-) -> Log:
-    """The log in a CSV file; `words` name its columns where the header does not, `known` are scales that it lacks.
+def read(path: Path, stated: Stated, about: dict[str, Any]) -> Log:
+    """The log in a CSV file; what is `stated` names its columns where the header does not, and scales that it lacks.
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
-    how = _headed(layout(path), choices(words))
-    if words:
-        return _chosen(path, how, scales or (scales_of_stage(setup) if setup else None), choices(words), known)
+    chosen = choices(stated.columns)
+    how = _headed(layout(path), chosen)
+    if chosen:
+        return _chosen(path, how, chosen, stated)
     names = how.names
     if not names:
         reason = (
@@ -57,8 +50,7 @@ def read(
         raise RecordingError(f"{path} {_preamble(how)}", path, ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
-    described = scales or (scales_of_nominal(nominal, beside) if nominal else None)
-    scales = _scales(path, names, setup, described, known)
+    scales = _scales(path, names, stated, scales_of_nominal(nominal, beside) if nominal else None)
     _of_this_kind(path, names, scales)
     found, notes = _known(path, how, scales)
     table, cut = read_table(path, names, list(found), how, [name for name in found if found[name][0] == "time"])
@@ -102,9 +94,10 @@ def _preamble(how: Layout) -> str:
     )
 
 
-def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice], known: Known) -> Log:
-    chosen = [_with_unit(choice, how, _column(path, how, choice)) for choice in chosen]
-    scales, found = of_choices(chosen, taken, path, known)
+def _chosen(path: Path, how: Layout, chosen: list[Choice], stated: Stated) -> Log:
+    units = (choice.unit or header_unit(how.name(_column(path, how, choice))) for choice in chosen)
+    chosen = [choice._replace(unit=unit) for choice, unit in zip(chosen, units, strict=True)]
+    scales, found = of_choices(chosen, stated, path)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in found.items()}
     if how.stamped(at := places["time"][0]):  # whatever unit is named, they are read in s
         places["time"] = (at, 1.0)
@@ -115,50 +108,45 @@ def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice],
     columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}
     others = [_other_unit(how, at, found[ours], scales) for ours, (at, _) in places.items()]
     notes = [*_skipped(how), *filter(None, others)]
-    labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
+    labelled = {ours: how.name(at) or labels[at] for ours, (at, _) in places.items()}
     return Log(path, scales, columns, [*notes, *cut], {}, labelled)
 
 
 def _other_unit(how: Layout, at: int, taken: tuple[Choice, float], scales: Scales) -> str:
     """What to note where column `at` has another unit by its header than by the choice; empty where it has none."""
     choice, scale = taken
-    said = header_unit(how.names[at]) if at < len(how.names) else ""
+    said = header_unit(how.name(at))
     with contextlib.suppress(StageError):  # a unit that the axis cannot have is another one, too
         if not said or choice.sign * meaning(choice.quantity, said, scales)[1] == scale:
             return ""
-    return f"{how.names[at]} is read in {choice.unit}, as --columns says: its header says {said}"
-
-
-def _with_unit(choice: Choice, how: Layout, at: int) -> Choice:
-    """The choice of a column with the unit that its header says, where the choice says none."""
-    return choice._replace(unit=choice.unit or (header_unit(how.names[at]) if at < len(how.names) else ""))
+    return f"{how.name(at)} is read in {choice.unit}, as --columns says: its header says {said}"
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:
     """The index of a column, from its name or its number."""
-    names, count = how.names, how.width
-    if choice.name in names:
-        return names.index(choice.name)
-    if not choice.name.isdecimal():
+    names, count, place = how.names, how.width, choice.place
+    if place in names:
+        return names.index(place)
+    if not place.isdecimal():
         there = (
             f"its columns are {', '.join(names)}" if names else f"it has no header, so give a number from 1 to {count}"
         )
-        reason = f"{path} has no column {choice.name} for the {choice.quantity}: {there}"
-        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
-    if not 1 <= int(choice.name) <= count:
-        reason = f"column {choice.name} of {path}; must be 1 to {count}, the first is 1"
-        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
-    return int(choice.name) - 1
+        reason = f"{path} has no column {place} for the {choice.quantity}: {there}"
+        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=place)
+    if not 1 <= int(place) <= count:
+        reason = f"column {place} of {path}; must be 1 to {count}, the first is 1"
+        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=place)
+    return int(place) - 1
 
 
-def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales | None, known: Known) -> Scales:
-    """From the stage file, else from nominal.yaml or by the unit of the position, with what is `known`."""
-    if setup is not None:
-        return scales_of_stage(setup, nominal.amplifier if nominal else 0.0)
+def _scales(path: Path, names: list[str], stated: Stated, nominal: Scales | None) -> Scales:
+    """From the stage file, else from nominal.yaml or by the unit of the position, with what is known."""
+    if stated.setup is not None:
+        return scales_of_stage(stated.setup, nominal.amplifier if nominal else 0.0)
     if nominal is not None:
-        return known.on(nominal)
+        return stated.known.on(nominal)
     units = (about[1] for name in names if (about := parsed(name)) and about[0] in POSITIONS)
-    return known.on(scales_by_unit(units, path))
+    return stated.known.on(scales_by_unit(units, path))
 
 
 def _known(path: Path, how: Layout, scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:

@@ -80,7 +80,7 @@ def _in_words(path: Path, names: list[str], how: Layout, times: Collection[str])
 
 def _no_number(path: Path, name: str, place: tuple[int, int], text: str, time: bool, how: Layout) -> RecordingError:
     """What to say of a cell at a `place`, its line and its column from 1."""
-    column = how.names[place[1] - 1] if place[1] <= len(how.names) else name
+    column = how.name(place[1] - 1) or name
     begun = how.first[place[1] - 1] if place[1] <= len(how.first) else ""
     if not time or not (time_stamps.is_date(text) or time_stamps.is_stamp(begun)):
         words = f"{path}: row {place[0]}, column {place[1]}: '{text}' is no number; correct the row or remove it"

@@ -76,19 +76,15 @@ def check_folder(folder: Path, tables: Iterable[str], named: bool) -> None:
         check_replaceable(folder / name, WRITTEN if named else "")
     listed = named and (folder / CAPTURES).is_file()  # a table alone may be a log of anybody
     for name in tables:
-        for table in (name, injection_table(name), setpoints_table(name)):
-            mark = "time_s," if table != setpoints_table(name) else "reference_"
-            check_replaceable(folder / table, mark if listed else "")
+        place, marks = folder / name, {"injection": "time_s,", "setpoints": "reference_"}
+        check_replaceable(place, "time_s," if listed else "")
+        for what, mark in marks.items():
+            check_replaceable(beside(place, what), mark if listed else "")
 
 
-def injection_table(name: str) -> str:
-    """The table of the added current, beside the capture of this name."""
-    return f"{Path(name).stem}-injection.csv"
-
-
-def setpoints_table(name: str) -> str:
-    """The table of the setpoints, beside the capture of this name."""
-    return f"{Path(name).stem}-setpoints.csv"
+def beside(capture: Path, what: str) -> Path:
+    """The table of the added current (`injection`), or of the setpoints, beside that of a capture."""
+    return capture.with_name(f"{capture.stem}-{what}.csv")
 
 
 def _check_suffix(path: Path, to: str) -> None:

@@ -191,19 +191,24 @@ def _beside(recording: Recording, path: Path) -> dict[str, Any]:
     keys: dict[str, Any] = {}
     added = sum((recording.column(name)[rows] for name in ("learned", "injection") if name in names), np.zeros(1))
     if np.any(added):
-        beside = path.with_name(export_targets.injection_table(path.name))
-        write_columns(beside, {"time_s": recording.column("time")[rows], "injection_A": added})
-        keys["injection"] = beside.name
+        table = export_targets.beside(path, "injection")
+        write_columns(table, {"time_s": recording.column("time")[rows], "injection_A": added})
+        keys["injection"] = table.name
     if set(Setpoint._fields) <= set(names):
-        beside, unit = path.with_name(export_targets.setpoints_table(path.name)), units(recording)
-        write_columns(beside, {header(name, unit[name]): recording.column(name)[rows] for name in Setpoint._fields})
-        keys["setpoints"] = beside.name
+        table, unit = export_targets.beside(path, "setpoints"), units(recording)
+        write_columns(table, {header(name, unit[name]): recording.column(name)[rows] for name in Setpoint._fields})
+        keys["setpoints"] = table.name
     return keys
 
 
 def _kept(recording: Recording) -> slice:
-    """The rows that a folder takes."""
-    return slice(None, -_foresight(recording) or None)
+    """The rows that a folder takes: not those at the end whose feedforward depends on a reference beyond it.
+
+    A motion that was cut short has such rows, and a recording of a service.
+    """
+    meta, time = recording.meta, recording.column("time")
+    whole = "law" not in meta or ("trajectory" in meta["files"] and time[-1] >= meta["duration"])
+    return slice(None, None if whole else -min(meta["nd"] + 4, len(time) - 1) or None)
 
 
 def _write_capture(recording: Recording, path: Path) -> list[str]:
@@ -218,13 +223,6 @@ def _write_capture(recording: Recording, path: Path) -> list[str]:
             notes.append(f"there is no {name}")
     write_columns(path, columns)
     return notes
-
-
-def _foresight(recording: Recording) -> int:
-    """Rows at the end whose feedforward depends on a reference beyond it: of a motion cut short, of a service's."""
-    meta, time = recording.meta, recording.column("time")
-    whole = "law" not in meta or ("trajectory" in meta["files"] and time[-1] >= meta["duration"])
-    return 0 if whole else min(meta["nd"] + 4, len(time) - 1)
 
 
 def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:

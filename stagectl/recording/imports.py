@@ -16,7 +16,7 @@ from stagectl.kernels import rollout
 from stagectl.number_format import duration
 from stagectl.problem import ProblemKind, absent
 from stagectl.recording import capture_attachments, csv_logs, mat_logs
-from stagectl.recording.columns import Array, Log, without
+from stagectl.recording.columns import Array, Log, Stated, without
 from stagectl.recording.constants import ROWS_TO_USE
 from stagectl.recording.content import stranger
 from stagectl.recording.csv_layout import is_table
@@ -61,11 +61,11 @@ def read(
         return _folder(path, setup, known)
     if not path.is_file():
         raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE)
-    kind = path.suffix.lower()
+    kind, stated = path.suffix.lower(), Stated(setup, columns, scales, known)
     if is_text_log(path):
-        return [_clocked(_recording(csv_logs.read(path, setup, {}, columns, scales, known)), setup)]
+        return [_clocked(_recording(csv_logs.read(path, stated, {})), setup)]
     if kind == ".mat":
-        return [_clocked(_recording(mat_logs.read(path, setup, columns, scales, known)), setup)]
+        return [_clocked(_recording(mat_logs.read(path, stated)), setup)]
     raise RecordingError(_no_log(path, kind), path, ProblemKind.SHAPE)
 
 
@@ -217,7 +217,7 @@ def _folder(folder: Path, setup: Setup | None, known: Known) -> list[Recording]:
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
         if nominal and path.parent == folder:  # read once for all of them
             about["nominal"] = nominal
-        recordings.append(_recording(_with_beside(csv_logs.read(path, setup, about, known=known), entry)))
+        recordings.append(_recording(_with_beside(csv_logs.read(path, Stated(setup, known=known), about), entry)))
     return recordings
 
 

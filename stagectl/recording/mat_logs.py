@@ -10,35 +10,28 @@ from scipy.io import loadmat
 
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
-from stagectl.recording.columns import Array, Choice, Log, check_kind, check_once, choices, of_choices, parsed, unit_of
+from stagectl.recording.columns import Array, Choice, Log, Stated, check_kind, check_once, choices, of_choices, parsed
 from stagectl.recording.constants import EMPS_STEP, NEARLY_AS_LONG
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.metadata import flat
-from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, scales_of_stage
+from stagectl.recording.scales import Scales, scales_of_stage
 from stagectl.units import LINEAR
 
 _EMPS = {"t": "time", "qg": "reference", "qm": "measured", "vir": "command"}
 
 
-def read(
-    path: Path,
-    setup: Setup | None,
-    words: Mapping[str, str] | None = None,
-    scales: Scales | None = None,
-    known: Known = NOTHING_KNOWN,
-) -> Log:
-    """The log in a MATLAB file; `words` name its variables where their names do not, `known` are scales that it lacks.
+def read(path: Path, stated: Stated) -> Log:
+    """The log in a MATLAB file; what is `stated` names its variables where they do not, and the scales that it lacks.
 
     Raises RecordingError naming the variables that there are.
     """
     content = variables(path)
-    taken = scales or (scales_of_stage(setup) if setup else None)
-    if words:
-        return _chosen(path, content, taken, choices(words), known)
+    if chosen := choices(stated.columns):
+        return _chosen(path, content, chosen, stated)
     if isinstance(content.get("samples"), dict) and isinstance(content.get("meta"), str):
-        return _ours(path, content, taken)
+        return _ours(path, content, stated.taken)
     if {"t", "qm", "vir", "gtau"} <= content.keys():  # others, too, call their time t
-        return _emps(path, content, setup)
+        return _emps(path, content, stated.setup)
     _check_lengths(path, content)
     named = {name: meaning for name in flat(content) if (meaning := parsed(name.rsplit(".", 1)[-1]))}
     present = {quantity for quantity, _ in named.values()}
@@ -51,7 +44,7 @@ def read(
         )
         raise RecordingError(reason, path, ProblemKind.MISSING, column=absent[0])
     chosen = [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()]
-    return _chosen(path, content, taken, chosen, known)
+    return _chosen(path, content, chosen, stated)
 
 
 def _check_lengths(path: Path, content: Mapping[str, Any]) -> None:
@@ -82,24 +75,22 @@ def variables(path: Path) -> dict[str, Any]:
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 
-def _chosen(path: Path, content: dict[str, Any], taken: Scales | None, chosen: list[Choice], known: Known) -> Log:
-    scales, found = of_choices(chosen, taken, path, known)
+def _chosen(path: Path, content: dict[str, Any], chosen: list[Choice], stated: Stated) -> Log:
+    scales, found = of_choices(chosen, stated, path)
     check_once(path, {choice.quantity: ((choice.name, choice.number), choice.name) for choice, _ in found.values()})
     columns = {ours: scale * _vector(path, content, choice) for ours, (choice, scale) in found.items()}
-    taken_in = {choice: "s" if choice.quantity == "time" else "A" for choice in chosen if unit_of(choice) == ""}
+    taken_in = {choice: "s" if choice.quantity == "time" else "A" for choice in chosen if not choice.said}
     notes = [f"{one.name} has no unit: it is taken as the {one.quantity} in {unit}" for one, unit in taken_in.items()]
     return _log(path, scales, columns, notes, {})._replace(labels={ours: one.name for ours, (one, _) in found.items()})
 
 
 def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
-    value: Any = variables
-    for word in choice.name.split("."):
-        if not isinstance(value, dict) or word not in value:
-            reason = f"{path} has no {choice.name}; it holds {', '.join(flat(variables)) or 'nothing'}"
-            raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
-        value = value[word]
+    named = flat(variables)
+    if choice.name not in named:
+        reason = f"{path} has no {choice.name}; it holds {', '.join(named) or 'nothing'}"
+        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
     try:
-        values = np.asarray(value, dtype=np.float64)
+        values = np.asarray(named[choice.name], dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise RecordingError(
             f"{choice.name} in {path} does not hold numbers", path, ProblemKind.VALUE, column=choice.name

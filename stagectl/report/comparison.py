@@ -5,7 +5,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.evaluation import tracking_error, window
@@ -71,24 +70,15 @@ def peaks(result: Result) -> Figure:
             spread = np.linspace(-0.18, 0.18, len(values)) if len(values) > 1 else np.zeros(1)
             axes.plot(values, place + spread, "o", color=colour, markersize=4, alpha=0.7, markeredgewidth=0)
             axes.plot([scale * variant["peak"]["mean"]] * 2, [place - 0.3, place + 0.3], color=colour, linewidth=2)
-        _named(axes, [variant["name"] for variant in rows])
+        axes.set_yticks(range(len(rows)), [variant["name"] for variant in rows])
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        axes.grid(False, axis="y")
         axes.set_xscale("log")
-        _decades(axes, np.concatenate([scale * np.array(variant["peak"]["values"]) for variant in rows]))
+        every = np.log10(np.concatenate([scale * np.array(variant["peak"]["values"]) for variant in rows]))
+        axes.set_xlim(10 ** (np.floor(2 * every.min() - 0.2) / 2), 10 ** (np.ceil(2 * every.max() + 0.2) / 2))
+        plain_decades(axes.xaxis)
         axes.set_xlabel(f"peak error [{unit}]")
     return figure
-
-
-def _named(axes: Axes, names: list[str]) -> None:
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.grid(False, axis="y")
-
-
-def _decades(axes: Axes, values: Any) -> None:
-    """Limits of whole half decades, numbers written out."""
-    low, high = np.log10(np.min(values)), np.log10(np.max(values))
-    axes.set_xlim(10 ** (np.floor(2 * low - 0.2) / 2), 10 ** (np.ceil(2 * high + 0.2) / 2))
-    plain_decades(axes.xaxis)
 
 
 def errors(result: Result) -> Figure:
@@ -97,9 +87,12 @@ def errors(result: Result) -> Figure:
     size = (WIDTH, 0.6 + 1.0 * len(rows))
     with drawing(len(rows), 1, figsize=size, sharex=True, squeeze=False) as (figure, grid):
         for axes, variant in zip(grid[:, 0], rows, strict=True):
-            time, error = _error(Path(variant["recordings"][-1]))
+            recording = open_recording(Path(variant["recordings"][-1]))
+            time = recording.column("time")
+            inside = window(time, recording.meta["steady"])
+            error = tracking_error(recording.samples, recording.meta)[inside]
             scale, unit = prefixed(error, result["unit"])
-            axes.plot(time, scale * error, color=_colour(result, variant["name"]), linewidth=0.8)
+            axes.plot(time[inside], scale * error, color=_colour(result, variant["name"]), linewidth=0.8)
             axes.set_title(variant["name"], loc="left", fontsize=8, pad=2, color=TARGET)
             axes.set_ylabel(f"error [{unit}]")
             reach = 1.15 * scale * float(np.max(np.abs(error)))
@@ -108,26 +101,15 @@ def errors(result: Result) -> Figure:
     return figure
 
 
-def _error(path: Path) -> tuple[Any, Any]:
-    """Time (s) and tracking error (m or rad) within the steady window."""
-    recording = open_recording(path)
-    samples, meta = recording.samples, recording.meta
-    inside = window(samples["time"], meta["steady"])
-    return samples["time"][inside], tracking_error(samples, meta)[inside]
-
-
 def courses(learned: list[Result]) -> Figure:
     """Error over the whole run of each trial, a line a learning."""
     with drawing(figsize=(WIDTH, 3.1)) as (figure, axes):
         values = [[trial["whole"]["rms"] for trial in course["trials"]] for course in learned]
         scale, unit = prefixed(np.concatenate(values), learned[0]["unit"])
         for colour, course, rms in zip((WITH, TARGET, WITHOUT, "#7c3aed"), learned, values, strict=False):
-            axes.plot(
-                range(1, len(rms) + 1), scale * np.array(rms), "o-", color=colour, markersize=4, label=course["name"]
-            )
-            axes.plot(
-                course["kept"], scale * rms[course["kept"] - 1], "o", color=colour, markersize=9, fillstyle="none"
-            )
+            trials, kept = scale * np.array(rms), course["kept"]
+            axes.plot(range(1, len(rms) + 1), trials, "o-", color=colour, markersize=4, label=course["name"])
+            axes.plot(kept, trials[kept - 1], "o", color=colour, markersize=9, fillstyle="none")
         axes.set_yscale("log")
         plain_decades(axes.yaxis)
         axes.xaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))

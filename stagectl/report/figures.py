@@ -46,14 +46,10 @@ def drawing(rows: int = 1, columns: int = 1, top: float = 1.0, **options: Any) -
         figure.tight_layout(rect=(0.0, 0.0, 1.0, top))
 
 
-def note(
-    axes: Axes,
-    words: str,
-    place: tuple[float, float],
-    offset: tuple[int, int],
-    colour: str = WITHOUT,
-    align: str = "baseline",
-) -> None:
+Point = tuple[float, float]
+
+
+def note(axes: Axes, words: str, place: Point, offset: Point, colour: str = WITHOUT, align: str = "baseline") -> None:
     """`words` next to a `place` of the data, by an `offset` in points."""
     axes.annotate(words, place, xytext=offset, textcoords="offset points", va=align, fontsize=8, color=colour)
 

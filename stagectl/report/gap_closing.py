@@ -57,35 +57,29 @@ def _shrunk(where: str, levels: dict[str, float], result: Result) -> str:
 def tables(result: Result) -> list[Table]:
     """Peak and rms of each motion, before, after, and without each effect; then the shares."""
     rows = [
-        [motion.removeprefix("unseen-"), name, *(length(row[measure]["mean"], result["unit"]) for measure in MEASURES)]
+        [
+            motion.removeprefix("unseen-"),
+            name,
+            *(length(row[measure]["mean"], result["unit"]) for measure in ("peak", "rms")),
+        ]
         for motion, variants in result["errors"].items()
         for name, row in variants.items()
     ]
-    found = [Table("Tracking error on motions that nothing had seen", ["motion", "model", "peak", "rms"], rows)]
-    return [*found, _shares(result)] if result["shares"] else found
-
-
-def _shares(result: Result) -> Table:
-    """Of the squared error that went, with the intervals."""
-    intervals = result["share_intervals"]
-    rows = [
-        [label(name), percent(share), "" if intervals[name] is None else " to ".join(map(percent, intervals[name]))]
+    errors = Table("Tracking error on motions that nothing had seen", ["motion", "model", "peak", "rms"], rows)
+    shares = [
+        [label(name), percent(share), " to ".join(map(percent, result["share_intervals"][name] or ()))]
         for name, share in result["shares"].items()
     ]
-    return Table("Share of the squared error that went", ["effect", "share", "95 % interval"], rows)
-
-
-MEASURES = ("peak", "rms")
+    head = ["effect", "share", "95 % interval"]
+    return [errors, *([Table("Share of the squared error that went", head, shares)] if shares else [])]
 
 
 def page(result: Result, commands: list[str]) -> Page:
     """The page of `workflows.gap_closing.close`."""
-    pictures = [Picture(embedded(errors(result)), _CAPTION)] if result["errors"] else []
+    caption = "Rms tracking error of each repeat, before and after."
+    pictures = [Picture(embedded(errors(result)), caption)] if result["errors"] else []
     title = f"stagectl gap close: {result['stage']}"
     return Page(title, sentence(result), notes(result), pictures, tables(result), commands)
-
-
-_CAPTION = "Rms tracking error of each repeat, before and after."
 
 
 def errors(result: Result) -> Figure:

@@ -16,7 +16,7 @@ from stagectl.report.figures import TARGET, WITH, WITHOUT, displacement_unit, dr
 from stagectl.report.page import Page, Picture, Table
 from stagectl.report.tables.identification import parameters
 
-_FIGURES = {  # the module of `report.methods` that draws a method's figures; least squares has none of its own
+_FIGURES = {  # the module of `report.methods` whose `pictures` are a method's; least squares has none of its own
     "simultaneous": "simultaneous",
     "frf": "conventional",
     "constant-speed": "conventional",
@@ -29,8 +29,10 @@ _FIGURES = {  # the module of `report.methods` that draws a method's figures; le
 def page(result: dict[str, Any], source: tuple[IdentificationResult, Sequence[Capture], Setup], command: str) -> Page:
     """The page of the JSON `result` of `methods.result`, and its `source`; `command` repeats the identification."""
     identified, captures, setup = source
-    own = _module(result["method"])
-    pictures = [] if own is None else list(own.pictures(identified, setup.file))
+    pictures: list[Picture] = []
+    if module := _FIGURES.get(result["method"]):
+        drawn = importlib.import_module(f"stagectl.report.methods.{module}")
+        pictures += drawn.pictures(identified, setup.file)
     if identified.table is not None and not pictures:
         pictures.append(Picture(embedded(characteristic(identified.table, setup)), "Friction after a reversal."))
     for capture in captures[:MOST_CAPTURES]:
@@ -86,12 +88,6 @@ def _notes(captures: Sequence[Capture]) -> list[str]:
 
 def _name(capture: Capture) -> str:
     return capture.name.rsplit("/", 1)[-1]
-
-
-def _module(name: str) -> Any:
-    """The method's report module: ``pictures(found, file)``."""
-    module = _FIGURES.get(name)
-    return importlib.import_module(f"stagectl.report.methods.{module}") if module else None
 
 
 def motion(capture: Capture, setup: Setup) -> Figure:

@@ -74,15 +74,10 @@ def _level(line: Line2D, axes: Axes) -> dict[str, Any]:
 
 def _segments(axes: Axes) -> list[dict[str, Any]]:
     return [
-        {
-            "label": "",
-            "colour": to_hex(cast("Any", lines.get_colors())[0]),
-            "dashed": False,
-            "x": _numbers(x),
-            "y": _numbers(y),
-        }
+        {"label": "", "colour": to_hex(colour), "dashed": False, "x": _numbers(x), "y": _numbers(y)}
         for lines in axes.collections
         if isinstance(lines, LineCollection)
+        for colour in cast("Any", lines.get_colors())[:1]
         for x, y in (ends.T for ends in lines.get_segments())
     ]
 
@@ -90,13 +85,8 @@ def _segments(axes: Axes) -> list[dict[str, Any]]:
 def _note(text: Annotation) -> dict[str, Any]:
     """Words beside a place of the data; their offset in points."""
     x, y = _numbers(text.xy)
-    return {
-        "x": x,
-        "y": y,
-        "offset": list(text.get_position()),
-        "words": text.get_text(),
-        "colour": to_hex(text.get_color()),
-    }
+    offset, words = list(text.get_position()), text.get_text()
+    return {"x": x, "y": y, "offset": offset, "words": words, "colour": to_hex(text.get_color())}
 
 
 def _ends(axes: Axes) -> list[float]:
@@ -110,11 +100,8 @@ def _ends(axes: Axes) -> list[float]:
 
 def _named(line: Line2D) -> dict[str, Any]:
     label = str(line.get_label())
-    return {
-        "label": "" if label.startswith("_") else label,
-        "colour": to_hex(line.get_color()),
-        "dashed": line.get_linestyle() == "--",
-    }
+    shown = "" if label.startswith("_") else label
+    return {"label": shown, "colour": to_hex(line.get_color()), "dashed": line.get_linestyle() == "--"}
 
 
 def _line(line: Line2D) -> dict[str, Any]:

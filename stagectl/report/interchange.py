@@ -1,18 +1,21 @@
 """The page of a model exported to another simulator: the same commands there and here, and what it does not hold."""
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.export import ExportedModel
-from stagectl.interchange.round_trip import Array, Compared
+from stagectl.interchange.round_trip import Compared
 from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing
 from stagectl.report.interactive import picture
 from stagectl.report.page import Page, Picture, Table
 
 NOTHING = "nothing: all of the plant is in the model"
 COLOURS = (WITHOUT, WITH)  # of the variants
+_NOTES = (
+    "The commands are currents without feedback, in whole steps of the drive: a loop would hide differences.",
+    "A percentage of the motion is the stricter figure: what friction changes of it is much larger.",
+)
 
 
 def page(setup: Setup, exported: ExportedModel, command: str) -> Page:
@@ -20,11 +23,7 @@ def page(setup: Setup, exported: ExportedModel, command: str) -> Page:
     return Page(
         f"stagectl export: {setup.file.name} in {exported.simulator.rstrip(',')}",
         answer(exported),
-        [
-            *exported.notes,
-            "The commands are currents without feedback, in whole steps of the drive: a loop would hide differences.",
-            "A percentage of the motion is the stricter figure: what friction changes of it is much larger.",
-        ],
+        [*exported.notes, *_NOTES],
         _pictures(setup, exported),
         [
             _table(setup, exported),
@@ -38,11 +37,13 @@ def page(setup: Setup, exported: ExportedModel, command: str) -> Page:
 def _pictures(setup: Setup, exported: ExportedModel) -> list[Picture]:
     """One of each motion."""
     scale, unit = _unit(setup)
-    columns = zip(*exported.variants.values(), strict=True)
-    each = [dict(zip(exported.variants, column, strict=True)) for column in columns]
     words = "position under the same commands, and the difference"
     return [
-        picture(motion(one, scale, unit), f"{next(iter(one.values())).name.capitalize()}: {words}.") for one in each
+        picture(
+            motion(dict(zip(exported.variants, each, strict=True)), scale, unit),
+            f"{each[0].name.capitalize()}: {words}.",
+        )
+        for each in zip(*exported.variants.values(), strict=True)
     ]
 
 
@@ -89,17 +90,13 @@ def motion(each: dict[str, Compared], scale: float, unit: str) -> Figure:
         upper.plot(ours.time, scale * ours.ours, color=TARGET, linewidth=2.4, label="stagectl")
         for (name, theirs), colour in zip(each.items(), COLOURS, strict=False):
             upper.plot(theirs.time, scale * theirs.theirs, color=colour, linewidth=1.1, linestyle="--", label=name)
-            _differences(lower, theirs.time, scale * (theirs.theirs - theirs.ours), name, colour)
+            difference = scale * (theirs.theirs - theirs.ours)
+            if difference.any():
+                lower.set_yscale("log")
+                difference = np.where(difference, abs(difference), np.nan)
+            lower.plot(theirs.time, difference, color=colour, linewidth=1.0, label=name)
         upper.set_title(ours.name, loc="left", fontsize=9, fontweight="bold", color=TARGET)
         upper.set_ylabel(f"position [{unit}]")
         lower.set(xlabel="time [s]", ylabel=f"|difference| [{unit}]")
         upper.legend(fontsize=7, loc="lower left")
     return figure
-
-
-def _differences(axes: Axes, time: Array, difference: Array, name: str, colour: str) -> None:
-    """On a logarithmic axis, where there are any."""
-    if difference.any():
-        axes.semilogy(time, np.where(difference, abs(difference), np.nan), color=colour, linewidth=1.0, label=name)
-    else:
-        axes.plot(time, difference, color=colour, linewidth=1.0, label=name)

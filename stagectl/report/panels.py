@@ -45,7 +45,6 @@ class Frame(NamedTuple):
     xlim: tuple[float, float] | None = None
     columns: int = 1  # of the legend
     legend: Place = "best"  # its place; "best" is slow with many points
-    level: tuple[float, ...] = ()  # dotted horizontals
     shaded: tuple[tuple[float, float], ...] = ()  # spans of x
     outside: tuple[str, tuple[float, float]] | None = None  # words on what lies outside, and where it leaves
 
@@ -87,8 +86,6 @@ def _around(axes: Axes, frame: Frame) -> None:
         axes.set_ylim(*frame.ylim)
     if frame.xlim is not None:
         axes.set_xlim(*frame.xlim)
-    for value in frame.level:
-        axes.axhline(value, color=TRUTH, linewidth=0.9, linestyle=":")
     if frame.outside is not None:
         words, place = frame.outside
         note(axes, words, place, (6, 6 if place[1] < 0.0 else -10), TARGET)

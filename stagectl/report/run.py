@@ -67,28 +67,28 @@ def figure(recording: Recording) -> Figure:
 
 
 _Panel = tuple[list[Line], Frame, str]  # with its caption
+_Curve = tuple[str, Array, str]  # label, values and colour
 
 
 def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
     scale, unit = meta["axis"]["travel_per_unit"], meta["axis"]["travel_unit"]
-    names = samples.dtype.names or ()
-    steady = tuple(meta["steady"])
+    names, time, steady = samples.dtype.names or (), samples["time"], tuple(meta["steady"])
     places = [
-        (label, samples[name] * scale, colour)
-        for name, label, colour in (("reference", "reference", TRUTH), ("measured", "measured", WITH))
+        (name, samples[name] * scale, colour)
+        for name, colour in (("reference", TRUTH), ("measured", WITH))
         if name in names
     ]
     currents = [(label, samples[name], colour) for name, label, colour in _CURRENTS if name in names]
     currents = [curve for curve in currents if np.isfinite(curve[1]).any()]
-    shown = [_drawn(samples, places, ("position", unit), (steady,))]
+    shown = [_drawn(time, places, ("position", unit), steady)]
     if {"reference", "closed"} <= set(names):
         error = np.where(evaluation.closed(samples), evaluation.tracking_error(samples, meta), np.nan)
-        inside = evaluation.window(samples["time"], meta["steady"])
+        inside = evaluation.window(time, meta["steady"])
         if np.isfinite(error).any():  # an open loop has none
             late = evaluation.started(samples, meta)
-            drawn = _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), error[inside & late])
-            shown.append(_with_peak(drawn, samples["time"], error, unit))
-    return [*shown, *([_drawn(samples, currents, ("current", "A"), (steady,))] if currents else [])]
+            drawn = _drawn(time, [("", error, WITH)], ("tracking error", unit), steady, error[inside & late])
+            shown.append(_with_peak(drawn, time, error, unit))
+    return [*shown, *([_drawn(time, currents, ("current", "A"), steady)] if currents else [])]
 
 
 def _with_peak(drawn: _Panel, time: Array, error: Array, unit: str) -> _Panel:
@@ -104,28 +104,23 @@ def _with_peak(drawn: _Panel, time: Array, error: Array, unit: str) -> _Panel:
 
 
 def _drawn(
-    samples: NDArray[Any],
-    curves: Sequence[tuple[str, Array, str]],
-    quantity_unit: tuple[str, str],
-    shaded: tuple[tuple[float, float], ...],
-    within: Array | None = None,
+    time: Array, curves: list[_Curve], about: tuple[str, str], steady: tuple[float, float], within: Array | None = None
 ) -> _Panel:
-    """Curves over time in a suitable unit; the values `within` decide the height where they are given."""
-    quantity = quantity_unit[0]
+    """Curves `about` a quantity and its unit over time; the values `within` decide the height where they are given."""
+    quantity, plain = about
     known = [(label, values, colour) for label, values, colour in curves if np.isfinite(values).any()]
     scaling = within if within is not None and np.isfinite(within).any() else np.concatenate([y for _, y, _ in known])
     low, high = float(np.nanmin(scaling)), float(np.nanmax(scaling))
     largest = max(abs(low), abs(high))
-    scale, unit = prefixed(largest, quantity_unit[1])
+    scale, unit = prefixed(largest, plain)
     lines = []
     for number, (label, values, colour) in enumerate(known):
-        time, ends = thinned(samples["time"], values * scale)
         below = number == 0 and len(known) > 1  # broad, as the others lie on it
-        lines.append(Line(time, ends, label, colour, width=2.4 if below else 0.9))
+        lines.append(Line(*thinned(time, values * scale), label, colour, width=2.4 if below else 0.9))
     factor = 1.4 if within is None else 1.6  # room for the legend; for values outside the window
     middle, half = 0.5 * (low + high), 0.5 * (high - low) or 0.1 * largest
     room = ((middle - factor * half) * scale, (middle + factor * half) * scale) if largest else None
-    frame = Frame("time [s]", f"{quantity} [{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2)
+    frame = Frame("time [s]", f"{quantity} [{unit}]", ylim=room, shaded=(steady,), legend="upper center", columns=2)
     return lines, frame, _CAPTIONS[quantity]
 
 

@@ -23,28 +23,18 @@ def page(result: dict[str, Any], path: Path, files: Sequence[Path] = ()) -> Path
     components: dict[str, list[list[str]]] = {}
     for case in cases:
         components.setdefault(case["component"], []).append(_row(case, unit, scale))
-    sections = (Section(name.capitalize(), tables=[Table("", _HEAD, rows)]) for name, rows in components.items())
-    tables = [
-        _signed(result),
-        _matrix(cases),
-        *([Table("Not passed", ["fault", "state", "why"], failed)] if failed else []),
-    ]
+    sections = [Section(name.capitalize(), tables=[Table("", _HEAD, rows)]) for name, rows in components.items()]
+    tables = [_signed(result), _matrix(cases)]
+    if failed:
+        tables.append(Table("Not passed", ["fault", "state", "why"], failed))
     notes = [
         f"{result['mode']}; {len(components)} components, {len({case['name'] for case in cases})} faults, "
         f"{len({case['state'] for case in cases})} states. Moving at {length(result['speed'], unit)}/s.",
         "Category 0: the power was cut while the axis moved; 1: it was braked, then the power was cut. "
         "Not a safety function: the emergency stop is wired to the drive's STO.",
     ]
-    shown = Page(
-        f"stagectl selftest: {result['stage']}",
-        result["words"],
-        notes,
-        tables=tables,
-        commands=[result["command"]],
-        sections=tuple(sections),
-        filtered=True,
-    )
-    return write(shown, path, files)
+    shown = Page(f"stagectl selftest: {result['stage']}", result["words"], notes, tables=tables, filtered=True)
+    return write(shown._replace(commands=[result["command"]], sections=sections), path, files)
 
 
 def _matrix(cases: Sequence[dict[str, Any]]) -> Table:

@@ -92,7 +92,9 @@ class Companion(NamedTuple):
 
 def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
     """Start ``python -m module`` with these open descriptors and this kind of kernels (see `kernels.jit`)."""
-    with held_back(signal.SIGINT):  # until it has its own say: Ctrl-C while it imports would end it with a traceback
+    # A terminal tells the whole group: a hang-up is for us, who stop the axis; of Ctrl-C the child has its own say once
+    # it has imported, where it would end with a traceback.
+    with held_back(signal.SIGINT, signal.SIGHUP):
         process = subprocess.Popen(
             [*PYTHON, "-m", module],
             stdin=subprocess.PIPE,

@@ -7,16 +7,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 
 from stagectl.problem import Problem, ProblemKind, below
-from stagectl.trajectories.bounds import (
-    BLOCK,
-    LEAST_ROWS,
-    LEAST_STEP,
-    LONGEST,
-    MOST_LINES,
-    MOST_PERIODS,
-    SAMPLING,
-    SHORTEST,
-)
+from stagectl.trajectories import bounds
 from stagectl.trajectories.motion import TrajectoryError
 from stagectl.trajectories.periodic import FLAT, Multisine
 from stagectl.trajectories.profiles import SCurve, Trapezoid
@@ -36,7 +27,7 @@ class Peaks(NamedTuple):
 
 def peaks(trajectory: Trajectory, dt: float) -> Peaks:
     """Extremes of `trajectory`, sampled at a quarter of the control period `dt` (s) and at both ends."""
-    motions = (trajectory.at(t) for t in _blocks(trajectory.duration, SAMPLING * dt))
+    motions = (trajectory.at(t) for t in _blocks(trajectory.duration, bounds.SAMPLING * dt))
     extremes = np.array([(x.min(), x.max(), np.abs(v).max(), np.abs(a).max()) for x, v, a in motions])
     lowest, (highest, speed, acceleration) = extremes[:, 0].min(), extremes[:, 1:].max(axis=0)
     return Peaks(float(lowest), float(highest), float(speed), float(acceleration))
@@ -45,8 +36,8 @@ def peaks(trajectory: Trajectory, dt: float) -> Peaks:
 def _blocks(duration: float, step: float) -> Iterator[Any]:
     """All sampling times, in blocks; then the last instant in motion, and the first at rest."""
     count = math.ceil(duration / step)
-    for first in range(0, count, BLOCK):
-        yield step * np.arange(first, min(first + BLOCK, count))
+    for first in range(0, count, bounds.BLOCK):
+        yield step * np.arange(first, min(first + bounds.BLOCK, count))
     yield np.array([0.0, np.nextafter(duration, 0.0), duration])
 
 
@@ -83,15 +74,15 @@ def check_intervals(trajectory: Any, place: str) -> None:
 
 def check_duration(duration: float, place: str) -> None:
     """Refuse a duration (s) that would fill the memory.  Raises TrajectoryError."""
-    if not duration <= LONGEST:
-        value, interval = f"{duration:g} s", f"[0, {LONGEST:g}]"
+    if not duration <= bounds.LONGEST:
+        value, interval = f"{duration:g} s", f"[0, {bounds.LONGEST:g}]"
         problem = Problem("", ProblemKind.RANGE, below(place, "duration"), value, "s", interval)
         raise TrajectoryError(problem._replace(remedy="run fewer periods or cycles"))
 
 
 def _check_distance(distance: float, place: str) -> None:
-    if abs(distance) < SHORTEST:
-        reason = f"must be at least {SHORTEST:g} m either way"
+    if abs(distance) < bounds.SHORTEST:
+        reason = f"must be at least {bounds.SHORTEST:g} m either way"
         problem = Problem(reason, ProblemKind.RANGE, below(place, "distance"), f"{distance:g} m", "m")
         raise TrajectoryError(problem._replace(remedy="use a dwell to stand still"))
 
@@ -103,12 +94,12 @@ def _check_band(p: Multisine, place: str) -> None:
         low, value, interval = below(place, "low"), f"{p.low:g} Hz", f"(0, {p.high:g}]"
         raise TrajectoryError(Problem("", ProblemKind.CONFLICT, low, value, "Hz", interval, remedy="up to high"))
     base = Problem("", ProblemKind.CONFLICT, below(place, "base"), f"{p.base:g} s", "s")
-    if p.high * p.base > MOST_PERIODS:
-        reason = f"must be at most {MOST_PERIODS / p.high:g} s with high = {p.high:g} Hz"
+    if p.high * p.base > bounds.MOST_PERIODS:
+        reason = f"must be at most {bounds.MOST_PERIODS / p.high:g} s with high = {p.high:g} Hz"
         raise TrajectoryError(base._replace(reason=reason, remedy="shorten base, or lower high"))
     count = len(p.lines)
-    if not 1 <= count <= MOST_LINES:
-        reason = f"puts {count} odd lines in [{p.low:g}, {p.high:g}] Hz; must be 1 to {MOST_LINES}"
+    if not 1 <= count <= bounds.MOST_LINES:
+        reason = f"puts {count} odd lines in [{p.low:g}, {p.high:g}] Hz; must be 1 to {bounds.MOST_LINES}"
         remedy = f"lines are {2.0 / p.base:g} Hz apart, so change base, low or high"
         raise TrajectoryError(base._replace(reason=reason, remedy=remedy))
 
@@ -118,8 +109,8 @@ def _check_samples(p: Recorded, place: str) -> None:
     if rows != others or np.ndim(p.time) != 1 or np.ndim(p.position) != 1:
         reason = f"has {others} values; must have one for each of {rows} times"
         raise TrajectoryError(Problem(reason, ProblemKind.SHAPE, below(place, "position")))
-    if rows < LEAST_ROWS:
-        reason = f"the motion has {rows} rows; must have at least {LEAST_ROWS}"
+    if rows < bounds.LEAST_ROWS:
+        reason = f"the motion has {rows} rows; must have at least {bounds.LEAST_ROWS}"
         raise TrajectoryError(Problem(reason, ProblemKind.SHAPE, place, remedy="give more rows"))
     steps = np.diff(p.time)
     if np.any(steps <= 0.0):
@@ -127,11 +118,9 @@ def _check_samples(p: Recorded, place: str) -> None:
         reason = f"must be later than the row before it, {p.time[row - 1]:g} s"
         problem = Problem(reason, ProblemKind.CONFLICT, below(place, f"time[{row}]"), f"{p.time[row]:g} s", "s")
         raise TrajectoryError(problem._replace(remedy="remove repeated rows or sort the file"))
-    if steps.min() < LEAST_STEP * steps.max():
-        reason = (
-            f"has steps of {steps.min():g} s to {steps.max():g} s; the shortest must be at least {LEAST_STEP:g} of the "
-            "longest"
-        )
+    if steps.min() < bounds.LEAST_STEP * steps.max():
+        span = f"{steps.min():g} s to {steps.max():g} s"
+        reason = f"has steps of {span}; the shortest must be at least {bounds.LEAST_STEP:g} of the longest"
         remedy = "resample the file, or split it at its gaps"
         raise TrajectoryError(Problem(reason, ProblemKind.CONFLICT, below(place, "time"), remedy=remedy))
 

@@ -22,6 +22,14 @@ from stagectl.trajectories.bounds import FAR_BELOW
 from stagectl.trajectories.motion import Array, Motion, contained
 from stagectl.units import Quantity
 
+_Distance = Annotated[
+    float, Quantity("m", "[-1e6, 1e6]", "distance of one move; its sign is the direction, and 0 is refused")
+]
+_Speed = Annotated[float, Quantity("m/s", "[1e-9, 1e6]", "limit, reached where the distance allows")]
+_Stop = Annotated[float, Quantity("s", "[0, 86400]", "standstill after each move")]
+_Cycles = Annotated[int, Quantity("", "[1, 10000000]", "moves there and back; with one_way: moves")]
+_OneWay = Annotated[bool, "each move begins at the end of the last, without a way back"]
+
 
 class Dwell(NamedTuple):
     """Standing still."""
@@ -42,14 +50,12 @@ class Dwell(NamedTuple):
 class Trapezoid(NamedTuple):
     """Moves of constant acceleration; a triangle where the velocity is not reached."""
 
-    distance: Annotated[
-        float, Quantity("m", "[-1e6, 1e6]", "distance of one move; its sign is the direction, and 0 is refused")
-    ]
-    velocity: Annotated[float, Quantity("m/s", "[1e-9, 1e6]", "limit, reached where the distance allows")]
+    distance: _Distance
+    velocity: _Speed
     acceleration: Annotated[float, Quantity("m/s^2", "[1e-9, 1e9]", "acceleration of both ramps")]
-    dwell: Annotated[float, Quantity("s", "[0, 86400]", "standstill after each move")] = 0.0
-    cycles: Annotated[int, Quantity("", "[1, 10000000]", "moves there and back; with one_way: moves")] = 1
-    one_way: Annotated[bool, "each move begins at the end of the last, without a way back"] = False
+    dwell: _Stop = 0.0
+    cycles: _Cycles = 1
+    one_way: _OneWay = False
 
     @property
     def duration(self) -> float:
@@ -78,15 +84,13 @@ class Trapezoid(NamedTuple):
 class SCurve(NamedTuple):
     """Moves of limited jerk: the fastest symmetric seven-phase profile, from rest to rest."""
 
-    distance: Annotated[
-        float, Quantity("m", "[-1e6, 1e6]", "distance of one move; its sign is the direction, and 0 is refused")
-    ]
-    velocity: Annotated[float, Quantity("m/s", "[1e-9, 1e6]", "limit, reached where the distance allows")]
+    distance: _Distance
+    velocity: _Speed
     acceleration: Annotated[float, Quantity("m/s^2", "[1e-9, 1e9]", "limit, reached where the others allow")]
     jerk: Annotated[float, Quantity("m/s^3", "[1e-9, 1e12]", "jerk of all ramps of the acceleration")]
-    dwell: Annotated[float, Quantity("s", "[0, 86400]", "standstill after each move")] = 0.0
-    cycles: Annotated[int, Quantity("", "[1, 10000000]", "moves there and back; with one_way: moves")] = 1
-    one_way: Annotated[bool, "each move begins at the end of the last, without a way back"] = False
+    dwell: _Stop = 0.0
+    cycles: _Cycles = 1
+    one_way: _OneWay = False
 
     @property
     def duration(self) -> float:

@@ -63,6 +63,10 @@ class Campaign(NamedTuple):
     seed: int  # of the noise of a simulated machine, and of a virtual drive that is started here
     clock: Callable[[], float]  # s since the epoch
 
+    def place(self, run: Run) -> Path:
+        """The recording of a run that is complete."""
+        return self.folder / f"{run.name}.h5"
+
 
 def chosen(experiments: tuple[Experiment, ...], only: list[str], skip: list[str]) -> tuple[tuple[int, Experiment], ...]:
     """Those named in `only`, all where it names none, but for those in `skip`; with their numbers in the battery.
@@ -131,21 +135,24 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
     starts = (made_at(log.meta) - log.meta["capture"]["start_s"] for log in done.values())
     end = _made(campaign, left, min(starts, default=campaign.clock()), shown) if left else Problem()
     stopped = str(end)
-    count = len(left) if not stopped else next(k for k, run in enumerate(left) if not _place(campaign, run).is_file())
+    count = len(left) if not stopped else next(k for k, run in enumerate(left) if not campaign.place(run).is_file())
     if stopped:
         shown.say(
             f"{left[count].name}: {stopped}.  {len(done) + count} of {len(campaign.runs)} runs are kept in "
             f"{campaign.folder}; the same command with -o {campaign.folder} goes on with {left[count].name}; "
             f"--skip {left[count].experiment.name} leaves that experiment out"
         )
-    kept = [run for run in campaign.runs if _place(campaign, run).is_file()]
+    kept = [run for run in campaign.runs if campaign.place(run).is_file()]
     notes = [] if stopped else _identical(campaign, kept)
     for note in notes:
         shown.say(note)
     return {
         "folder": str(campaign.folder),
         "stage": campaign.machine.setup.file.name,
-        "runs": [_as_json(campaign, run) for run in kept],
+        "runs": [
+            {**open_recording(path, only=("time",)).meta["capture"], "recording": str(path)}
+            for path in map(campaign.place, kept)
+        ],
         "left": [run.name for run in campaign.runs if run not in kept],
         "stopped": stopped,
         "interrupted": interruption(end),
@@ -171,7 +178,7 @@ def _made(campaign: Campaign, left: list[Run], begun: float, shown: Shown) -> Pr
                 fault = halted(error)
             if fault != Problem():
                 return fault
-            os.replace(motion.recording, _place(campaign, run))
+            os.replace(motion.recording, campaign.place(run))
     return Problem()
 
 
@@ -192,19 +199,11 @@ def _once_made(campaign: Campaign, run: Run, motion: Motion, shown: tuple[Say, P
 def _motion(campaign: Campaign, run: Run, begun: float) -> Motion:
     """The run's motion, whose recording says what it is a capture of, and when in the session."""
     motion, now = campaign.motions[run.experiment.name], campaign.clock()
-    start = run.start if campaign.machine.simulated else now - begun
-    meta = {
-        **motion.meta,
-        "created": time.strftime(STAMP, time.localtime(now)),
-        "capture": {
-            "experiment": run.experiment.name,
-            "repeat": run.repeat,
-            "use": run.experiment.use,
-            "start_s": round(start, 3),
-        },
-        "campaign": _campaign(campaign),
-    }
-    return motion._replace(meta=meta)
+    start = round(run.start if campaign.machine.simulated else now - begun, 3)
+    experiment = run.experiment
+    capture = {"experiment": experiment.name, "repeat": run.repeat, "use": experiment.use, "start_s": start}
+    about = {"created": time.strftime(STAMP, time.localtime(now)), "capture": capture, "campaign": _campaign(campaign)}
+    return motion._replace(meta={**motion.meta, **about})
 
 
 def _campaign(campaign: Campaign) -> dict[str, Any]:
@@ -222,7 +221,7 @@ def _recorded(campaign: Campaign, run: Run) -> Recording | None:
 
     Raises GapError where it was made of something else.
     """
-    path = _place(campaign, run)
+    path = campaign.place(run)
     if not path.is_file():
         return None
     recording, motion = open_recording(path, only=("time",)), campaign.motions[run.experiment.name]
@@ -243,20 +242,12 @@ _WHICH = {
 }
 
 
-def _place(campaign: Campaign, run: Run) -> Path:
-    return campaign.folder / f"{run.name}.h5"
-
-
-def _as_json(campaign: Campaign, run: Run) -> dict[str, Any]:
-    return {**open_recording(path := _place(campaign, run), only=("time",)).meta["capture"], "recording": str(path)}
-
-
 def _identical(campaign: Campaign, kept: list[Run]) -> list[str]:
     """Repeats that are the same to the last bit: they show no chance, so no floor."""
     first: dict[str, Any] = {}
-    same: dict[str, None] = {}
+    same: dict[str, None] = {}  # in order
     for run in kept:
-        measured = open_recording(_place(campaign, run), only=("measured",)).column("measured")
+        measured = open_recording(campaign.place(run), only=("measured",)).column("measured")
         if run.experiment.name in first and np.array_equal(first[run.experiment.name], measured):
             same[run.experiment.name] = None
         first.setdefault(run.experiment.name, measured)

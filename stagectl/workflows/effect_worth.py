@@ -96,10 +96,8 @@ def _followed(running: Running, unanswered: list[str], label: str) -> dict[str, 
     path = running.folder / f"{label}.h5"
     client.fetch(running.socket, running.axis, name, path)
     recording = open_recording(path)
-    moving, scale = (
-        recording.samples[recording.column("state") == State.MOVING],
-        recording.meta["axis"]["travel_per_unit"],
-    )
+    moving = recording.samples[recording.column("state") == State.MOVING]
+    scale = recording.meta["axis"]["travel_per_unit"]
     if abs(_status(running)["reference"] - begun["reference"]) > BACK * scale * float(np.ptp(moving["reference"])):
         place = f"{begun['reference']} {begun['unit']}"
         client.ask(running.socket, "POST", "/v1/move", {"to": {running.axis: place}})
@@ -113,13 +111,8 @@ def _status(running: Running) -> dict[str, Any]:
 
 def _compared(runs: dict[str, list[dict[str, float]]], running: Running) -> Result:
     """The outcome of a round as JSON values."""
-    rows = {
-        name: {measure: _measure([run[measure] for run in row]) for measure in MEASURES} for name, row in runs.items()
-    }
-    figures = [
-        paired_comparison.Figures(name, *(np.array(row[measure]["values"]) for measure in MEASURES))
-        for name, row in rows.items()
-    ]
+    figures = [paired_comparison.Figures.of(name, row) for name, row in runs.items()]
+    rows = {figure.name: figure.as_json() for figure in figures}
     against = {measure: paired_comparison.differences(figures, figures[0], measure) for measure in MEASURES}
     errors = {running.trajectory["name"]: rows}
     better = [name for name in rows if name != ALL and smaller(errors, ALL, name)]
@@ -131,10 +124,6 @@ def _compared(runs: dict[str, list[dict[str, float]]], running: Running) -> Resu
     ]
     differences = {measure: [plain(row) for row in each] for measure, each in against.items()}
     return {"errors": rows, "against_all": differences, "worst": worst.removeprefix(WITHOUT), "words": words}
-
-
-def _measure(values: list[float]) -> Result:
-    return {"mean": float(np.mean(values)), "values": values}
 
 
 def _change(d: paired_comparison.Difference, unit: str) -> str:

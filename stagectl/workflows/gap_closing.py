@@ -13,7 +13,7 @@ A round is kept where the rms tracking error on the unseen motions shrinks, on t
 vary, and neither the rms error of any of them nor the largest error of all grows by more than a tenth.  Each motion
 counts alike, by the ratio of its errors.
 
-At the end each effect is left out of the feedforward in turn: that gives its share, see `closing_shares`.  An effect
+At the end each effect is left out of the feedforward in turn: that gives its share, see `closing_errors`.  An effect
 without which the error is smaller is dropped from the feedforward (`control.unanswered`); the model keeps it.
 """
 
@@ -42,8 +42,7 @@ from stagectl.replacing import write_text
 from stagectl.units import StageError
 from stagectl.workflows import campaign as campaigns
 from stagectl.workflows import closing_patch
-from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, level, refusal, smaller
-from stagectl.workflows.closing_shares import foretold, shares
+from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT, Errors, foretold, level, refusal, shares, smaller
 from stagectl.workflows.layer_comparison import compare
 from stagectl.workflows.motion import Commanded, lay_out
 from stagectl.workflows.trials import Machine, Result, Shown, ready
@@ -155,10 +154,10 @@ def _round(closing: Closing, stage: Path, number: int, struck: Names, shown: Sho
 
 def _where(found: DiagnosisResult) -> str:
     """``mechanics 71 %, over the speed 55 %``; what could not be judged is left out."""
-    shares = {name: share for name, share in found.blocks.items() if share is not None}
-    blocks = [f"{name} {percent(shares[name])}" for name in sorted(shares, key=lambda name: -shares[name])[:1]]
-    most = sorted(found.coordinates, key=lambda coordinate: -coordinate.share)[:1]
-    return ", ".join([*blocks, *(f"over the {coordinate_label(one.name)} {percent(one.share)}" for one in most)])
+    blocks = [(share, name) for name, share in found.blocks.items() if share is not None]
+    over = [(each.share, f"over the {coordinate_label(each.name)}") for each in found.coordinates]
+    largest = [max(each, key=lambda pair: pair[0]) for each in (blocks, over) if each]
+    return ", ".join(f"{name} {percent(share)}" for share, name in largest)
 
 
 def _recorded(closing: Closing, setup: Setup, shown: Shown) -> Closing:

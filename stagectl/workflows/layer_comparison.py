@@ -9,16 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast, get_args
 
-import numpy as np
-from numpy.typing import NDArray
-
 from stagectl import paired_comparison
 from stagectl.compensation.forms import FORMS, named
 from stagectl.config.stage_file import Setup
 from stagectl.design import Layer
 from stagectl.problem import Problem, ProblemKind, nearest
 from stagectl.recording.learned_current import Learned, LearnedError, check, load, save
-from stagectl.service.single_motion import Motion, Progress
+from stagectl.service.single_motion import Motion
 from stagectl.typed_json import plain
 from stagectl.workflows.motion import Commanded, blank, lay_out, with_current
 from stagectl.workflows.trials import Machine, Result, Shown, TrialError, after, learn, learned_words, ready, run_once
@@ -135,29 +132,29 @@ def compare(machine: Machine, motions: dict[str, Motion], plan: tuple[int, int],
         for number, block in enumerate(blocks, 1):
             for name in block:
                 motion = motions[name]._replace(recording=folder / f"repeat-{number}-{name}.h5")
-                runs[name].append(_repeat(machine.noisy(number), motion, after(done, total, update)))
+                run = run_once(machine.noisy(number), motion, after(done, total, update))
+                if run["tracking_error"]["peak"] is None:
+                    raise TrialError(f"{run['trajectory']} has no tracking error to compare: its loop is open")
+                runs[name].append(run)
                 done += count
     return _compared(runs, blocks)
 
 
-def _repeat(machine: Machine, motion: Motion, update: Progress) -> Result:
-    result = run_once(machine, motion, update)
-    if result["tracking_error"]["peak"] is None:
-        raise TrialError(f"{result['trajectory']} has no tracking error to compare: its loop is open")
-    return result
-
-
 def _compared(all_runs: dict[str, list[Result]], blocks: list[list[str]]) -> Result:
     figures = [
-        paired_comparison.Figures(name, _each(runs, "peak"), _each(runs, "rms")) for name, runs in all_runs.items()
+        paired_comparison.Figures.of(name, [run["tracking_error"] for run in runs]) for name, runs in all_runs.items()
     ]
+    recordings = [[run["recording"] for run in runs] for runs in all_runs.values()]
     any_run = next(iter(all_runs.values()))[0]
     unit, lowest = any_run["unit"], paired_comparison.best(figures)
     return {
         "stage": any_run["stage"],
         "trajectory": any_run["trajectory"],
         "unit": unit,
-        "variants": [_variant(figure, all_runs[figure.name]) for figure in figures],
+        "variants": [
+            {"name": figure.name, **figure.as_json(), "recordings": paths}
+            for figure, paths in zip(figures, recordings, strict=True)
+        ],
         "order": blocks,
         "identical": paired_comparison.identical(figures),
         "best": lowest.name,
@@ -165,16 +162,6 @@ def _compared(all_runs: dict[str, list[Result]], blocks: list[list[str]]) -> Res
         "against_best": _against(figures, lowest),
         "verdict": paired_comparison.verdict(figures, unit),
     }
-
-
-def _each(runs: list[Result], measure: str) -> NDArray[np.float64]:
-    return np.array([run["tracking_error"][measure] for run in runs])
-
-
-def _variant(figure: paired_comparison.Figures, runs: list[Result]) -> Result:
-    measures = {"peak": figure.peak, "rms": figure.rms}
-    figures = {name: {"mean": float(np.mean(x)), "values": x.tolist()} for name, x in measures.items()}
-    return {"name": figure.name, **figures, "recordings": [run["recording"] for run in runs]}
 
 
 def _against(figures: list[paired_comparison.Figures], other: paired_comparison.Figures) -> Result:

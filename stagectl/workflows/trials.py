@@ -30,6 +30,7 @@ from stagectl.workflows.simulated_motion import Elsewhere, pretend
 
 Bar = Callable[[str, int], AbstractContextManager[Any]]
 Result = dict[str, Any]
+Array = NDArray[np.float64]
 _APART = 1000  # seeds between the noise of the repeats and that of the trials
 
 
@@ -161,21 +162,17 @@ def _begin(setup: Setup, base: Motion) -> Learning:
     return Learning(base, filters, settings, learning.initial_state(len(rows)))
 
 
-def _trial(
-    machine: Machine, state: Learning, number: int, folder: Path, update: Progress
-) -> tuple[Result, NDArray[np.float64]]:
+def _trial(machine: Machine, state: Learning, number: int, folder: Path, update: Progress) -> tuple[Result, Array]:
     base = state.motion
     motion = with_current(base, state.course.learned)._replace(recording=folder / f"trial-{number}.h5")
     result = run_once(machine, motion, update)
-    samples = open_recording(motion.recording).samples
-    return result, every_period(samples, len(base.plan.setpoints), machine.setup.dt)
+    rows = open_recording(motion.recording).samples
+    return result, every_period(rows["time"], rows["error"], (0, len(base.plan.setpoints)), machine.setup.dt)
 
 
-def every_period(samples: NDArray[Any], count: int, dt: float) -> NDArray[np.float64]:
-    """The error (n,) of all `count` periods; those that were late and left out lie between their neighbours."""
-    rows = np.rint(samples["time"] / dt)
-    error: NDArray[np.float64] = np.interp(np.arange(count), rows, samples["error"])
-    return error
+def every_period(time: Array, error: Array, periods: tuple[int, int], dt: float) -> Array:
+    """The error of all periods from the first on to before the last; late ones lie between their neighbours."""
+    return np.interp(np.arange(*periods), np.rint(time / dt), error)
 
 
 def _said(result: Result, state: Learning, number: int, shown: Shown) -> Result:
@@ -188,12 +185,8 @@ def _said(result: Result, state: Learning, number: int, shown: Shown) -> Result:
         words += f"; the current limit was reached in {result['saturated_cycles']} cycles"
     shown.say(f"{words}{'; ' if trial.words else ''}{trial.words}")
     figures = {name: result[name] for name in ("tracking_error", "saturated_cycles", "recording")}
-    return {
-        "trial": number,
-        **figures,
-        "whole": {"peak": trial.peak * scale, "rms": trial.rms * scale},
-        "words": trial.words,
-    }
+    whole = {"peak": trial.peak * scale, "rms": trial.rms * scale}
+    return {"trial": number, **figures, "whole": whole, "words": trial.words}
 
 
 def _learned(state: Learning, results: list[Result], stopped: str) -> Result:

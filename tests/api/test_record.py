@@ -106,6 +106,18 @@ def test_a_log_of_another_program(stage: DesignedStage, folder: Path) -> None:
     assert isinstance(typed, MotionRecord) and typed.samples.tobytes() == named.samples.tobytes()
 
 
+def test_a_run_that_comes_back_as_a_table(run: MotionRecord, folder: Path) -> None:
+    """It has every column, and does not say how late its position is: no summary, and errors row by row."""
+    log = sc.load_log(run.save("run.csv"))
+    assert isinstance(log, MotionRecord) and set(log.columns) == set(run.columns) and log.summary == {}
+    assert np.allclose(log.tracking_error(), log["reference"] - log["measured"])
+    write_csv(folder / "bare.csv", motion())
+    bare = sc.load_log("bare.csv")
+    assert isinstance(bare, MotionRecord)
+    with refused(RecordingError, kind=ProblemKind.UNKNOWN, column="reference"):
+        bare.tracking_error()
+
+
 def test_a_folder_is_several_records(run: MotionRecord) -> None:
     for name in ("b", "a"):
         run.save(f"session/{name}.h5")

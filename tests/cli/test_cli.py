@@ -41,7 +41,7 @@ def still(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("perform", "move", "drive_present"):
         monkeypatch.setattr(session, name, moved)
     monkeypatch.setattr(simulated_motion, "simulated", moved)
-    monkeypatch.setattr(subprocess, "Popen", moved)
+    monkeypatch.setattr(subprocess.Popen, "__init__", moved)  # the class stays: annotations name it
 
 
 def refused(outcome: tuple[int, str, str], place: str) -> None:

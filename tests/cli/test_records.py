@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 import stagectl as sc
+from stagectl.design import DesignError
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError, open_recording, save
 from stagectl.report.constants import ALL_ROWS
@@ -88,6 +89,17 @@ def test_replay_is_exact_and_refuses_an_import(stagectl: Verb, recording: Path, 
     stagectl("export", recording, "--to", "csv", "-o", tmp_path / "a.csv")
     stagectl("import", tmp_path / "a.csv", "-o", tmp_path / "a.h5")
     assert "it holds no law to replay" in stagectl("replay", tmp_path / "a.h5", expect=2).stderr
+
+
+def test_a_log_comes_in_whatever_the_loop_of_its_stage_file(stagectl: Verb, recording: Path, tmp_path: Path) -> None:
+    """Of the stage file, an import needs the scales; that its loop must not run is no matter of the log's."""
+    stage = tmp_path / "fast.yaml"
+    stage.write_text(STAGE.read_text().replace("bandwidth: 40 Hz", "bandwidth: 80 Hz"))
+    with pytest.raises(DesignError):
+        sc.load_stage(stage)
+    log = stagectl("export", recording, "--to", "csv", "-o", tmp_path / "a.csv") and tmp_path / "a.csv"
+    stagectl("import", log, "--stage", stage, "-o", tmp_path / "a.h5")
+    assert len(sc.load_log(log, stage=stage)) == len(open_recording(tmp_path / "a.h5").samples)
 
 
 def test_identify_finds_the_model_that_was_simulated(stagectl: Verb, recording: Path, tmp_path: Path) -> None:

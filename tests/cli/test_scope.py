@@ -103,16 +103,6 @@ def test_a_recording_of_a_second(machine: Served, command: Command, tmp_path: Pa
     assert "now.h5 exists already" in err
 
 
-def test_a_recording_of_an_axis_that_gives_no_rows(command: Command, tmp_path: Path) -> None:
-    """Its drive is not there: the verb ends as soon as its time is over, and says where to look."""
-    with served(tmp_path) as machine:
-        machine.kill_drive()
-        machine.until(lambda axis: axis["state"] == "fault")
-        code, _, err = command("record", "--for", "0.2 s", "--socket", machine.socket)
-    assert code == 1
-    assert "nothing was recorded: axis gave no rows: see `stagectl status`" in " ".join(err.split())
-
-
 @pytest.mark.parametrize("name", ["mine.h5", "notes.yaml", "folder.h5"])
 def test_what_is_no_recording_is_left_before_anything_is_recorded(
     machine: Served, command: Command, tmp_path: Path, name: str
@@ -141,3 +131,12 @@ def test_a_recording_that_cannot_be_brought_is_said_to_be_with_the_service(
     code, _, err = command(*words)
     assert (code, target.read_bytes(), list(tmp_path.iterdir())) == (2, before, [target])
     assert str(machine.folder / "state" / "recordings" / "axis") in err
+
+
+def test_a_recording_of_an_axis_that_gives_no_rows(machine: Served, command: Command) -> None:
+    """Its drive is gone, and with it the service that the tests above need: the verb says where to look."""
+    machine.kill_drive()
+    machine.until(lambda axis: axis["state"] == "fault")
+    code, _, err = command("record", "--for", "0.2 s", "--socket", machine.socket)
+    assert code == 1
+    assert "nothing was recorded: axis gave no rows: see `stagectl status`" in " ".join(err.split())

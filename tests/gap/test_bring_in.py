@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import stagectl as sc
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import LogError
 from stagectl.gap.logs.sources import Description
@@ -46,21 +45,16 @@ def test_the_machine_by_a_few_values_is_that_of_a_nominal_yaml(log: Path) -> Non
     assert 2.0 < abs(said.logs[0].position).max() < 2.5  # rad, degrees no longer
 
 
-def test_what_is_wrong_with_the_machine_is_found(log: Path) -> None:
+def test_one_command_finds_what_is_wrong_with_the_machine(log: Path, command: Command) -> None:
     """Half the inertia, and a viscous friction that the values do not name."""
-    found = sc.diagnose(log, columns=COLUMNS, model=MODEL, advice=False).diagnosis.named
-    values = {name: value for effect in found for name, value in effect.parameters.items()}
-    assert values["inertia"].value == pytest.approx(1e-4, rel=0.03)
-    assert 0.0 < values["viscous"].low <= 5e-4 <= values["viscous"].high
-
-
-def test_one_command_does_it(log: Path, command: Command) -> None:
     columns = ",".join(f"{name}={where}" for name, where in COLUMNS.items())
     values = ",".join(f"{name}={value}" for name, value in MODEL.items())
     out = log.parent / "out"
     code, said, err = command("gap", "diagnose", log, "-o", out, "--columns", columns, "--model", values, "--json", "-")
     assert code == 0, err
-    assert json.loads(said)["effects"]
+    found = {name: value for effect in json.loads(said)["effects"] for name, value in effect["parameters"].items()}
+    assert found["inertia"]["value"] == pytest.approx(1e-4, rel=0.03)
+    assert 0.0 < found["viscous"]["low"] <= 5e-4 <= found["viscous"]["high"]
     assert (out / "diagnosis.html").stat().st_size > 10_000
 
 

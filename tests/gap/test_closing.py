@@ -49,11 +49,9 @@ def machine(folder: Path) -> Path:
 
 @pytest.mark.usefixtures("short")
 def test_effects_are_found_applied_and_worth_what_they_take(tmp_path: Path) -> None:
-    closed = close_gap(STAGE, plant=machine(tmp_path), rounds=2, folder=tmp_path / "closed")
-    first, *further = closed.result["rounds"]
-    assert "viscous_asymmetry" in first["found"] and first["kept"] and first["foretold"] > 0.6
-    assert "cogging" in (name for one in (first, *further) for name in one["found"])
-    assert all(one["kept"] for one in further)
+    closed = close_gap(STAGE, plant=machine(tmp_path), rounds=1, folder=tmp_path / "closed")
+    (done,) = closed.result["rounds"]
+    assert {"viscous_asymmetry", "cogging"} <= set(done["found"]) and done["kept"] and done["foretold"] > 0.6
     levels, shares = closed.result["levels"], closed.result["shares"]
     assert levels["after"] < 0.3 * levels["before"]
     assert shares["viscous_asymmetry"] == pytest.approx(0.83, abs=0.1) and shares["cogging"] > 0.1

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.workflows import closing_shares
-from stagectl.workflows.closing_shares import foretold
+from stagectl.workflows import closing_errors
+from stagectl.workflows.closing_errors import foretold
 
 TIME = np.arange(4000) / 2000.0
 KNOWN, UNKNOWN = 3e-6 * np.sin(2.0 * np.pi * 2.0 * TIME), 1e-6 * np.cos(2.0 * np.pi * 7.0 * TIME)
@@ -22,7 +22,7 @@ def test_what_the_model_does_not_know_stays(monkeypatch: pytest.MonkeyPatch) -> 
         "old": np.stack([KNOWN] * 3),
         "new": np.zeros((3, TIME.size)),
     }
-    monkeypatch.setattr(closing_shares, "traces", lambda recordings: kept[recordings[0]])
+    monkeypatch.setattr(closing_errors, "traces", lambda recordings: kept[recordings[0]])
     machine = {"sine": {"before": recorded("machine")}}
     levels = foretold(machine, {"sine": {"before": recorded("old"), "after": recorded("new")}})
     before, after = (float(np.sqrt(np.mean((x + noise) ** 2))) for x in (KNOWN + UNKNOWN, UNKNOWN))

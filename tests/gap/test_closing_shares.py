@@ -13,8 +13,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.gap.effects.library import left_out
 from stagectl.plan import plan
 from stagectl.simulation import simulate
-from stagectl.workflows.closing_errors import AFTER, BEFORE, WITHOUT
-from stagectl.workflows.closing_shares import REST, Share, shares_of
+from stagectl.workflows.closing_errors import AFTER, BEFORE, REST, WITHOUT, Share, shares_of
 from tests.compensation.test_model_effects import DEFINITIONS, MOTIONS, having
 
 SIZES = {"viscous_nonlinear": 0.3, "load_friction": 1.0, "cogging": 1.0}  # of the typical ones; the first two overlap

@@ -1,8 +1,12 @@
-"""Measured records: nothing absurd is said of any, and what is said is near what others found with these machines."""
+"""Measured records: nothing absurd is said of any, and what is said is near what others found with these machines.
+
+`STAGECTL_LONG=1` has more joints of the robot.
+"""
 
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -49,7 +53,14 @@ def test_emps_has_no_delay_of_a_period_and_an_asymmetry() -> None:
     delay = named(result, "dead_time").parameters["dead_time"].value
     assert delay < 0.5e-3
     assert ("drive.delay_samples", 0) in named(result, "dead_time").fields
-    assert result.gap.after < 0.45 * result.gap.before
+    assert result.verdict == "effects+unknown" and result.gap.after < 0.45 * result.gap.before
+    assert any("no log is held out" in note for note in result.notes)
+    # The friction differs between directions: A. Janot, M. Gautier, M. Brunot, 2019, have 166.7 and 240.4 N s/m and
+    # then no offset, against 203.5 N s/m and -3.2 N without that.
+    asymmetry = named(result, "viscous_asymmetry").parameters["size"].value
+    assert asymmetry == pytest.approx((166.7 - 240.4) / (166.7 + 240.4), rel=0.1)
+    assert abs(named(result, "bias").parameters["bias"].value) < 1.0
+    assert "inertia" not in {effect.name for effect in result.named}
     ripple = named(result, "cogging_map").parameters["order"].value  # of the pitch: the stage file's is 2 pi m
     assert 2.0 * math.pi / ripple == pytest.approx(2.5e-3, rel=0.002)
     base = diagnose.baseline(session, ()).base.model.stage
@@ -58,9 +69,11 @@ def test_emps_has_no_delay_of_a_period_and_an_asymmetry() -> None:
     assert sum(base.friction.operators.weight) + base.friction.bristle.coulomb == pytest.approx(20.4, rel=0.05)
 
 
+JOINTS = [(1, 5.5, 21.26, 12.55), (4, 0.5, 3.58, 2.0), (3, 2.0, 10.38, 4.99), (6, 0.3, 3.03, 2.3)]
+
+
 @pytest.mark.parametrize(
-    ("joint", "inertia", "viscous", "coulomb"),
-    [(1, 5.5, 21.26, 12.55), (3, 2.0, 10.38, 4.99), (4, 0.5, 3.58, 2.0), (6, 0.3, 3.03, 2.3)],
+    ("joint", "inertia", "viscous", "coulomb"), JOINTS if os.environ.get("STAGECTL_LONG") else JOINTS[:2]
 )
 def test_a_joint_has_the_published_friction(
     tmp_path: Path, joint: int, inertia: float, viscous: float, coulomb: float
@@ -109,6 +122,5 @@ def test_steps_of_torque_give_the_mechanics_of_the_catalogue(tmp_path: Path) -> 
     assert base.inertia == pytest.approx(1.2e-4, rel=0.15) and base.viscous == pytest.approx(7.03e-5, rel=0.2)
 
 
-@pytest.mark.parametrize("name", ["idf_neg_0.04_2", "idf_pos_0.06_2"])
-def test_one_direction_is_no_obstacle(tmp_path: Path, name: str) -> None:
-    answer(measured.hsm150(tmp_path, name))
+def test_one_direction_is_no_obstacle(tmp_path: Path) -> None:
+    answer(measured.hsm150(tmp_path, "idf_neg_0.04_2"))

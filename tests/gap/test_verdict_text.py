@@ -130,6 +130,14 @@ def test_without_a_floor_nothing_is_said_to_be_complete() -> None:
     assert "agrees" not in none and "do not show whether more is missing" in none
 
 
+@pytest.mark.parametrize(("low", "off"), [(0.61, True), (0.02, False), (math.nan, True)])
+def test_a_gap_that_surely_shrinks_is_a_model_that_is_off(low: float, off: bool) -> None:
+    """70 % of it closed on blocks left out of the fit, though no single parameter stands out."""
+    closed = Gap(0.39, 0.21, 0.0, "N m", 0.70, low, 0.77)
+    sentence = found("none", effects=(), gaps={}, gap=closed).sentence
+    assert sentence.startswith("The model is off") is off
+
+
 def test_effects_without_a_name_are_not_in_the_sentence() -> None:
     assert "Stribeck" not in FOUND["effects"].sentence and len(FOUND["effects"].effects) == 3
     many = tuple(ASYMMETRY._replace(name=f"effect_{n}") for n in range(5))

@@ -262,7 +262,7 @@ def test_a_compiler_that_fails_is_an_error(ball_screw: Setup, tmp_path: Path) ->
 
 
 def test_a_finding_is_an_error(ball_screw: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(description, "_units", lambda parent, units: None)
+    monkeypatch.setattr(description, "_units", lambda units: [])
     with pytest.raises(ExportError, match="finds in"):
         to_fmu(ball_screw, tmp_path / "a.fmu")
 

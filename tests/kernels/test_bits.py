@@ -62,9 +62,10 @@ for module in (cascade, feedback, feedforward, friction, law, observer, rollout,
 def test_one_signature_each(tmp_path: Path) -> None:
     """A second signature would mean a stray int or tuple, and a compilation in the middle of a cycle.
 
-    In a process and with a cache of its own: other tests call kernels in ways of theirs.
+    In a process and with a cache of its own: other tests call kernels in ways of theirs.  Types do not depend on how
+    far the code is optimised.
     """
-    environment = {**os.environ, "PYTHONPATH": SOURCES, "XDG_CACHE_HOME": str(tmp_path)}
+    environment = {**os.environ, "PYTHONPATH": SOURCES, "XDG_CACHE_HOME": str(tmp_path), "NUMBA_OPT": "0"}
     command = [sys.executable, "-c", SIGNATURES]
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
     counts = {name: int(count) for name, count in (line.split() for line in done.stdout.splitlines())}

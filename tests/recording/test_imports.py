@@ -337,6 +337,20 @@ def test_columns_by_name_and_number(tmp_path: Path) -> None:
         np.testing.assert_allclose(recording.column(current), [1.0, 2.0])
 
 
+@pytest.mark.parametrize("unit", ["", ":deg"])
+def test_a_header_with_brackets_is_named_as_it_stands(tmp_path: Path, unit: str) -> None:
+    """A unit in brackets is part of the name; a number in brackets is, where a table has such a header."""
+    (tmp_path / "log.csv").write_text("time [s],q[1] [deg],q[2],i [A]\n0,0,9,1\n0.5,180,9,2\n")
+    words = {"time": "time [s]", "position": f"q[1] [deg]{unit}", "current": "i [A]"}
+    (recording,) = read(tmp_path / "log.csv", columns=words)
+    np.testing.assert_allclose(recording.column("measured"), [0.0, math.pi])
+    np.testing.assert_allclose(recording.column("measured_current"), [1.0, 2.0])
+    (other,) = read(tmp_path / "log.csv", columns={**words, "position": "-q[2]:rad"})
+    np.testing.assert_allclose(other.column("measured"), [-9.0, -9.0])
+    with refused(RecordingError, kind=KIND.UNKNOWN, column="q[3]"):
+        read(tmp_path / "log.csv", columns={**words, "position": "q[3]:rad"})
+
+
 def test_variables_of_a_mat_file(tmp_path: Path) -> None:
     """Names that tell themselves, in a struct or not, and names that the user tells."""
     time, angle, current = np.arange(3.0), np.array([0.0, 0.5, 1.0]), np.array([1.0, 2.0, 3.0])

@@ -1,4 +1,4 @@
-"""What clients of a running service mistake, and what it answers."""
+"""What clients of a running service mistake, and what it answers; orders that go to the wrong place."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ import json
 import socket
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import pytest
 from websockets.sync.client import ClientConnection, unix_connect
 
-from stagectl.web.client import RefusedError
-from tests.conftest import Command
+from stagectl.problem import ProblemKind
+from stagectl.web.client import ControlError, RefusedError
+from tests.conftest import CONFIG, Command
 from tests.problems import refused
 from tests.service.serving import Served, served
 
@@ -127,3 +129,33 @@ def test_less_margin_than_the_stage_file_asks_for_is_noted(machine: Served, comm
     assert code == 0 and "warning" in err and "5 deg" in err
     code, _, err = command("parameters", "margin=20 deg", "--socket", machine.socket)
     assert code == 0 and "warning" not in err
+
+
+def test_a_fault_is_for_the_drive_of_its_stage_alone(machine: Served, command: Command) -> None:
+    bus = ["--channel", machine.folder / "bus"]
+    code, out, err = command("inject", f"{CONFIG / 'xy.yaml'}#x", "encoder-stuck", "duration=1ms", *bus)
+    assert (code, out) == (2, "")
+    assert "ball-screw stage A" in err
+    assert command("inject", machine.stage, "--clear", *bus)[0] == 0
+
+
+def test_a_service_that_has_lost_its_control_socket_is_not_taken_for_none(machine: Served) -> None:
+    aside = machine.socket.with_name("aside")
+    machine.socket.rename(aside)
+    try:
+        with refused(ControlError, kind=ProblemKind.CONFLICT, file=machine.socket):
+            machine.ask("GET", "status")
+    finally:
+        aside.rename(machine.socket)
+    assert machine.axis()
+
+
+def test_a_file_is_no_control_socket(machine: Served, tmp_path: Path) -> None:
+    mine = tmp_path / "notes.yaml"
+    mine.write_text("mine")
+    machine.socket, whole = mine, machine.socket
+    try:
+        with refused(ControlError, kind=ProblemKind.FILE, file=mine):
+            machine.ask("GET", "status")
+    finally:
+        machine.socket = whole

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ from stagectl.web.client import ask
 from tests.conftest import ROOT
 from tests.service.serving import free_port, served
 
-EXAMPLES = 12  # drawn for each operation, beside the systematic ones
+EXAMPLES = int(os.environ.get("STAGECTL_LONG", "4"))  # drawn for each operation, beside the systematic ones
 SYSTEMATIC = "examples,coverage"
 SECRET = "nobody may read this"
 UNMOVED = ("state", "homed", "faults", "fault", "words")  # of an axis that nobody has ordered anything

@@ -35,7 +35,7 @@ def inertia_doubt(session: Session) -> str:
         f" = {p.mechanics.inertia:g} {unit}: what the log accelerates would need {p.mechanics.inertia * fastest:.3g} "
         f"{force}, and its largest effort is {effort:.3g} {force}; must lie in (0, {LEAST_EXCESS * takes_all:.3g}] "
         f"{unit}, and {takes_all:.3g} {unit} would take all of that effort: correct the unit of the inertia or of the "
-        "log, or go on with --doubtful"
+        "log; where gravity or a spring moves the axis as well, go on with --doubtful"
     )
 
 

@@ -29,7 +29,15 @@ from numpy.typing import NDArray
 
 from stagectl.identification import standard_errors, thresholds
 from stagectl.identification.capture import Array, IdentificationError, Refusal
-from stagectl.identification.filtering import FilterDesign, FilteredMotion, decimated, design_filter, filtered_motion
+from stagectl.identification.filtering import (
+    FilterDesign,
+    FilteredMotion,
+    decimated,
+    design_filter,
+    filtered_motion,
+    slope,
+)
+from stagectl.identification.least_squares.same_instant import not_same_instant
 from stagectl.identification.result import Note, Topic
 from stagectl.number_format import duration
 
@@ -85,7 +93,7 @@ class RegressionResult(NamedTuple):
     estimates: dict[str, Estimate]  # by the model's names; an offset above 0: standing still needs a positive force
     residual_percent: float  # norm of the force residual over norm of the force, both filtered and decimated
     condition: float  # of the regressor with columns of unit length, so that it has no units
-    correlation: Array  # (4, 4) of the usual four
+    correlation: Array  # of all parameters; of the usual four where the others are their parts, by direction
     residual: Array  # (m,) N m | N
     notes: tuple[str, ...] = ()
 
@@ -95,6 +103,7 @@ class FilteredRecord(NamedTuple):
 
     regressor: Array  # (m, k)
     force: Array  # (m,) N m | N
+    slopes: Array  # (m, k) of the regressor's columns, 1/s of their units
     share: Array  # (m,) of the way since the last reversal, see `travelled`
     velocity: Array  # (n,) of all rows
     notes: list[str]
@@ -107,12 +116,14 @@ def filtered(position: Array, force: Array, dt: float, model: RegressionModel, c
     """
     design = design_filter(position, dt, cutoff)
     motion = filtered_motion(position, design)
-    columns = decimated(np.column_stack([model.columns(motion), force]), design)
+    terms = model.columns(motion)
+    columns = decimated(np.column_stack([terms, slope(terms, dt), force]), design)
     rows = slice(design.edge, len(position) - design.edge, design.decimate)
     moving = ~_standing(motion.velocity, design)[rows][: len(columns)]
     share = travelled(motion.position, motion.velocity)[rows][: len(columns)]
     notes = _treatment(design, 1.0 - float(np.mean(moving)))
-    return FilteredRecord(columns[moving, :-1], columns[moving, -1], share[moving], motion.velocity, notes)
+    regressor, slopes = np.hsplit(columns[moving, :-1], 2)
+    return FilteredRecord(regressor, columns[moving, -1], slopes, share[moving], motion.velocity, notes)
 
 
 def solved(records: Sequence[FilteredRecord], model: RegressionModel) -> RegressionResult:
@@ -128,6 +139,9 @@ def solved(records: Sequence[FilteredRecord], model: RegressionModel) -> Regress
     result = _solved(model, regressor, force, weight, ends)
     share = np.concatenate([record.share for record in records])
     doubt = after_reversals(result.residual, share, result.estimates["coulomb"].value)
+    if not doubt:  # friction that builds up looks late, too
+        slopes = np.vstack([record.slopes for record in records])
+        doubt = not_same_instant(weight[:, None] * regressor, weight[:, None] * slopes, weight * force, ends)
     notes = dict.fromkeys(note for record in records for note in record.notes)  # each once
     return result._replace(notes=(*notes, doubt) if doubt else tuple(notes))
 
@@ -227,12 +241,13 @@ def _solved(
     covariance = standard_errors.covariance(unit, residual, ends) / np.outer(length, length)
     reported = matrix @ covariance @ matrix.T
     deviation = np.sqrt(np.diag(reported))
+    told = 4 if model.directions else len(deviation)
     estimates = map(Estimate, (matrix @ values).tolist(), deviation.tolist())
     return RegressionResult(
         dict(zip(model.names, estimates, strict=True)),
         100.0 * float(np.linalg.norm(residual / weight) / np.linalg.norm(force)),
         condition,
-        reported[:4, :4] / np.outer(deviation[:4], deviation[:4]),
+        reported[:told, :told] / np.outer(deviation[:told], deviation[:told]),
         force - regressor @ values,
     )
 

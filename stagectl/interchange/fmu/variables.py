@@ -61,6 +61,11 @@ class Leaf(NamedTuple):
     quantity: Quantity | None  # None: a constant of the model
     effect: bool  # whether it belongs to an effect, which is neutral by default
 
+    @property
+    def storage(self) -> str:
+        """Where the elements of an array are in the C structure `model`."""
+        return self.path.replace(".", "_")
+
 
 def leaves(block: Any, path: str = "", effect: bool = False, over: Quantity | None = None) -> Iterator[Leaf]:
     """All numbers in a block of parameters; `over` is the quantity of a harmonic, which is that of its amplitude."""
@@ -98,10 +103,5 @@ def _parameters(leaf: Leaf) -> Iterator[Variable]:
         yield Variable(leaf.path, leaf.value, leaf.quantity, f"p.{leaf.path}", variability=when)
         return
     for number, value in enumerate(leaf.value):
-        place = f"{storage(leaf.path)}[{number}]"
+        place = f"{leaf.storage}[{number}]"
         yield Variable(f"{leaf.path}[{number + 1}]", float(value), leaf.quantity, place, variability=when)
-
-
-def storage(path: str) -> str:
-    """Where the elements of an array are in the C structure `model`."""
-    return path.replace(".", "_")

@@ -14,7 +14,7 @@ import numpy as np
 
 from stagectl.problem import ProblemKind
 from stagectl.recording import constants
-from stagectl.recording.columns import Array
+from stagectl.recording.columns import NO_TIME, Array
 from stagectl.recording.guess import motion, names, roles, units
 from stagectl.recording.guess.names import Column, by_name, hinted
 from stagectl.recording.guess.roles import Role
@@ -61,7 +61,7 @@ def guess(path: Path, known: Known, named: Collection[str] = ()) -> Guess:
     columns = roles.live(names.read(path))
     time = roles.time_of(columns)
     if time is None:
-        reason = f"{path} has no column that runs on as a time does; say which it is: --columns time=..."
+        reason = f"{path} has no column that runs on as a time does; say which it is: --columns time=...{NO_TIME}"
         raise RecordingError(reason, path, ProblemKind.MISSING, column="time")
     unit = units.of_time(time.column.words, time.column.values)
     seconds = time.column.values * factor(unit.name, "s")

@@ -151,9 +151,8 @@ def of_one_axis(columns: Sequence[Column], position: Role, velocity: Role | None
 
 def efforts(columns: Sequence[Column], blocks: motion.Blocks, speed: Array) -> list[Role]:
     """What may drive the motion with the blocks' `speed` (b,), the likeliest measured current first."""
-    free = filter(may_drive, columns)
-    roles = [_as_effort(column, motion.drives(blocks, speed, column.values)) for column in free]
-    best = max(roles, key=_likeliest, default=None)
+    roles = [_as_effort(column, motion.drives(blocks, speed, column.values)) for column in filter(may_drive, columns)]
+    best = max(roles, key=lambda role: (by_name(role.column), role.sure), default=None)
     if best is None:
         return []
     if best.sure < constants.LEAST_DRIVE:
@@ -172,10 +171,6 @@ def _as_effort(column: Column, drive: motion.Drive) -> Role:
     if turned and drive.share < constants.LEAST_SURE:
         return Role(column, sure, f"{why}, and seems to oppose it: check the sign", 1.0)
     return Role(column, sure, why, drive.sign)
-
-
-def _likeliest(role: Role) -> tuple[tuple[bool, ...], float]:
-    return by_name(role.column), role.sure
 
 
 def ahead(first: Role, second: Role) -> bool:

@@ -180,14 +180,10 @@ def coordinate_scale(name: str, values: Array, result: DiagnosisResult) -> Scale
     unit, per = result.travel_unit, result.travel_per_unit
     if name == "position_mod_pitch" and result.kind == "rotary":
         return Scale(180.0 / math.pi, "deg of the motor")
-    plain = {
-        "speed": Scale(per, f"{unit}/s"),
-        "acceleration": Scale(per, f"{unit}/s²"),
-        "displacement_since_reversal": Scale(per, unit),
-        "position": Scale(per, unit),
-        "position_mod_pitch": Scale(per, unit),
-        "current": Scale(1.0, "A"),
-        "time": Scale(1.0, "s"),
-        "frequency": Scale(1.0, "Hz"),
-    }.get(name, Scale(1.0, ""))
-    return plain if name in ("time", "frequency") or not plain.unit else prefixed(values, plain.unit, plain.factor)
+    if name == "current":
+        return prefixed(values, "A")
+    travel = {"speed": f"{unit}/s", "acceleration": f"{unit}/s²"}
+    travel |= dict.fromkeys(("displacement_since_reversal", "position", "position_mod_pitch"), unit)
+    if name in travel:
+        return prefixed(values, travel[name], per)
+    return Scale(1.0, {"time": "s", "frequency": "Hz"}.get(name, ""))

@@ -70,29 +70,15 @@ def _response(axes: tuple[Axes, Axes, Axes], curve: dict[str, Any], colour: str)
     decibel, degrees = 20.0 * np.log10(size), np.degrees(curve["phase"])
     bars = np.minimum(2.0 * spread / np.sqrt(2.0), 0.9)
     dense = len(frequency) > DENSE
-    marks: dict[str, Any] = {
-        "linestyle": "none" if dense else "-",
-        "linewidth": 0.8,
-        "marker": "o",
-        "markersize": 2.5 if dense else 4,
-    }
+    marks: dict[str, Any] = {"linewidth": 0.8, "marker": "o", "color": colour}
+    marks |= {"linestyle": "none", "markersize": 2.5} if dense else {"linestyle": "-", "markersize": 4}
     label = f"{curve['amplitude']:.3g} A {curve['kind']}{', axis moving' if curve['moving'] else ''}"
-    gain.errorbar(
-        frequency[sound], decibel[sound], 8.69 * bars[sound], color=colour, elinewidth=0.7, label=label, **marks
-    )
-    phase.errorbar(frequency[sound], degrees[sound], np.degrees(bars[sound]), color=colour, elinewidth=0.7, **marks)
-    hollow: dict[str, Any] = {
-        "color": colour,
-        "linestyle": "none",
-        "marker": "o",
-        "markerfacecolor": "none",
-        "markersize": 3,
-    }
-    gain.plot(frequency[~sound], decibel[~sound], **hollow)
-    phase.plot(frequency[~sound], degrees[~sound], **hollow)
+    for panel, values, half in ((gain, decibel, 8.69 * bars), (phase, degrees, np.degrees(bars))):
+        panel.errorbar(frequency[sound], values[sound], half[sound], elinewidth=0.7, label=label, **marks)
+        panel.plot(frequency[~sound], values[~sound], "o", color=colour, markerfacecolor="none", markersize=3)
     known = [(f, c) for f, c in zip(curve["frequency"], curve["coherence"], strict=True) if c is not None]
     if known:
-        coherence.plot(*np.array(known).T, color=colour, **marks)
+        coherence.plot(*np.array(known).T, **marks)
 
 
 def _models(gain: Axes, phase: Axes, result: IdentificationResult, file: StageFile) -> None:

@@ -39,23 +39,21 @@ class _Curves(NamedTuple):
     unit: str
     effort: str
 
+    @property
+    def kind(self) -> str:
+        """What the effort is called."""
+        return "force" if self.effort == "N" else "torque"
+
 
 def pictures(result: IdentificationResult, file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page."""
     curves = _curves(result, file)
-    drawn = [
-        interactive.picture(force(curves), "Measured force, model force and residual of the first capture."),
-        Picture(
-            embedded(loops(curves)),
-            "Disturbance force over the position. Inertia and viscous friction are right where the loop lies flat.",
-        ),
-    ]
+    drawn = [interactive.picture(force(curves), "Measured force, model force and residual of the first capture.")]
+    flat = "Disturbance force over the position. Inertia and viscous friction are right where the loop lies flat."
+    drawn.append(Picture(embedded(loops(curves)), flat))
     if result.table is not None:
-        drawn.append(
-            Picture(
-                embedded(reversal(result.table, curves)), "Rolling friction after a reversal, and its stop operators."
-            )
-        )
+        bent = "Rolling friction after a reversal, and its stop operators."
+        drawn.append(Picture(embedded(reversal(result.table, curves)), bent))
     return drawn
 
 
@@ -74,10 +72,10 @@ def force(p: _Curves) -> Figure:
         above.plot(time[rows], measured, color=TARGET, linewidth=2.4, alpha=0.35, label="measured, Kt i")
         above.plot(time[rows], measured - residual, color=WITH, linewidth=1.0, label="model")
         above.plot(time[rows], p.columns["friction"][rows], color=WITHOUT, linewidth=1.0, label="its rolling friction")
-        above.set_ylabel(f"force [{p.effort}]" if p.effort == "N" else f"torque [{p.effort}]")
+        above.set_ylabel(f"{p.kind} [{p.effort}]")
         above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
         below.plot(time[rows], 1e3 * residual, color=TARGET, linewidth=0.7)
-        below.set(ylabel=f"residual [m{p.effort}]" if p.effort == "N" else "residual [mN m]", xlabel="time [s]")
+        below.set(ylabel=f"residual [m{p.effort}]", xlabel="time [s]")
     return figure
 
 
@@ -88,7 +86,7 @@ def loops(p: _Curves) -> Figure:
         for axis, (inertia, viscous, title) in zip(axes, steps, strict=True):
             _loop(axis, p, inertia, viscous)
             axis.set_title(title or f"J = {inertia:.4g}, D = {viscous:.3g}", loc="left", color=TARGET)
-        axes[0].set_ylabel(f"disturbance force [{p.effort}]" if p.effort == "N" else f"disturbance torque [{p.effort}]")
+        axes[0].set_ylabel(f"disturbance {p.kind} [{p.effort}]")
     return figure
 
 
@@ -108,11 +106,8 @@ def reversal(table: Characteristic, p: _Curves) -> Figure:
             curve.plot(p.scale * place, value, color=FAINT, linewidth=0.6, alpha=0.5)
         curve.plot([], [], color=FAINT, linewidth=0.8, label="Kt i - J a - D w after each reversal")
         curve.plot(p.scale * table.displacement, table.force, color=WITH, linewidth=1.6, label="stop operators")
-        curve.set(
-            xlim=(0.0, p.scale * end),
-            xlabel=f"displacement since the reversal [{p.unit}]",
-            ylabel=f"friction [{p.effort}]",
-        )
+        curve.set(xlabel=f"displacement since the reversal [{p.unit}]", ylabel=f"friction [{p.effort}]")
+        curve.set_xlim(0.0, p.scale * end)
         curve.legend(loc="lower right", fontsize=8)
         weights(bars, table.weight, table.slip, (p.scale, p.unit, p.effort))
     return figure

@@ -11,30 +11,20 @@ Result = dict[str, Any]
 def tables(result: Result) -> list[Table]:
     """Errors of each variant, then the paired differences; of a single repeat the errors alone."""
     unit = result["unit"]
-    if len(result["order"]) == 1:
-        return [_single(result, unit)]
-    rows = [
-        [
-            row["name"],
-            *(length(row[measure]["mean"], unit) for measure in ("peak", "rms")),
-            *(length(end(row["peak"]["values"]), unit) for end in (min, max)),
-        ]
+    means = [
+        [row["name"], *(length(row[measure]["mean"], unit) for measure in ("peak", "rms"))]
         for row in result["variants"]
     ]
+    if len(result["order"]) == 1:
+        return [Table("Tracking error", ["variant", "peak", "rms"], means)]
+    ends = [[length(end(row["peak"]["values"]), unit) for end in (min, max)] for row in result["variants"]]
+    rows = [[*mean, *pair] for mean, pair in zip(means, ends, strict=True)]
     shown = [Table("Tracking error", ["variant", "peak, mean", "rms, mean", "peak, least", "peak, most"], rows)]
     for key in ("against_first", "against_best"):
         against = result[key]
         if key == "against_first" or against["other"] != result["variants"][0]["name"]:
             shown.append(_against(against, unit))
     return shown
-
-
-def _single(result: Result, unit: str) -> Table:
-    rows = [
-        [row["name"], *(length(row[measure]["mean"], unit) for measure in ("peak", "rms"))]
-        for row in result["variants"]
-    ]
-    return Table("Tracking error", ["variant", "peak", "rms"], rows)
 
 
 def _against(against: Result, unit: str) -> Table:

@@ -43,13 +43,8 @@ def _row(name: str, gap: Gap, result: DiagnosisResult) -> list[str]:
     (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, result.travel)
     factor = f"{gap.before / gap.after:.1f}" if gap.after > 0.0 else ""
     noise = floor if gap.floor > 0.0 else UNKNOWN  # no run was repeated
-    return [name, before, after, unit, factor, noise, _closed(gap, result)]
-
-
-def _closed(gap: Gap, result: DiagnosisResult) -> str:
-    if result.verdict == "none":
-        return "nothing to close"
-    return verdict_text.closure(gap) if math.isfinite(gap.closure) else UNKNOWN
+    closed = verdict_text.closure(gap) if math.isfinite(gap.closure) else UNKNOWN
+    return [name, before, after, unit, factor, noise, "nothing to close" if result.verdict == "none" else closed]
 
 
 def values(result: DiagnosisResult) -> Table:

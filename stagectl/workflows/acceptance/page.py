@@ -19,8 +19,6 @@ from stagectl.units import StageError
 from stagectl.workflows.acceptance.result import Acceptance, Outcome, StepResult
 from stagectl.workflows.acceptance.traces import Trace
 
-_HEAD = ["step", "what was tried", "result", "distance", "bound", "what was found"]
-_SENTENCES = (1, 2, 5)  # columns
 BUT_VIRTUAL = ", on a virtual drive: this says nothing about a machine"
 _VIRTUAL = (
     "a virtual drive. With simulation.clock: sync its axis stands still while"
@@ -66,21 +64,11 @@ def _page(result: Acceptance, signature: dict[str, Any], machine: Path) -> Page:
         if result.accepted
         else "NOT ACCEPTED: " + "; ".join(f"{step.name} {step.outcome.value}" for step in missing) + "."
     )
-    return Page(
-        f"Acceptance of {result.stage}",
-        answer,
-        _notes(result, signature),
-        pictures(result.steps, result.unit),
-        [
-            Table("Steps", _HEAD, [_row(step, result.unit) for step in result.steps], _SENTENCES),
-            Table("Drive", ["", ""], [[name, value] for name, value in result.drive.items()]),
-        ],
-        [
-            f"stagectl drive accept {result.stage_file} --person {shlex.quote(result.person)}",
-            f"stagectl drive verify {machine.name}",
-        ],
-        result.software,
-    )
+    title, figures = f"Acceptance of {result.stage}", pictures(result.steps, result.unit)
+    tables = [_steps(result), Table("Drive", ["", ""], [[name, value] for name, value in result.drive.items()])]
+    again = f"stagectl drive accept {result.stage_file} --person {shlex.quote(result.person)}"
+    commands = [again, f"stagectl drive verify {machine.name}"]
+    return Page(title, answer, _notes(result, signature), figures, tables, commands, result.software)
 
 
 def _notes(result: Acceptance, signature: dict[str, Any]) -> list[str]:
@@ -95,9 +83,12 @@ def _notes(result: Acceptance, signature: dict[str, Any]) -> list[str]:
     ]
 
 
-def _row(step: StepResult, unit: str) -> list[str]:
-    distances = ["" if way is None else length(way, unit) for way in (step.measured, step.bound)]
-    return [step.name, step.title, step.outcome.value, *distances, step.words]
+def _steps(result: Acceptance) -> Table:
+    rows = []
+    for step in result.steps:
+        distances = ["" if way is None else length(way, result.unit) for way in (step.measured, step.bound)]
+        rows.append([step.name, step.title, step.outcome.value, *distances, step.words])
+    return Table("Steps", ["step", "what was tried", "result", "distance", "bound", "what was found"], rows, (1, 2, 5))
 
 
 _SIZE, _WIDTH = (4.5, 4.4), 62  # inch, and letters in a line of the title

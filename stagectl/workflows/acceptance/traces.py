@@ -50,23 +50,19 @@ def traced(rows: NDArray[np.float64], first: int, grid: tuple[float, float, floa
         rows, number = rows[number >= zero - TRACE_LEAD / dt], number[number >= zero - TRACE_LEAD / dt]
     kept = _thinned(rows)
     rows, number = rows[kept], number[kept]
-    flowing = rows[:, FLOWING]
+    watched = [(time, (place - here) * per) for time, place in after[:: 1 + len(after) // TRACE_POINTS]]
     return Trace(
-        mark.name, _short((number - zero) * dt), _short((rows[:, MEASURED] - here) * per), _short(rows[:, CURRENT]),
-        [] if np.isnan(flowing).any() else _short(flowing),
-        _read(after[:: 1 + len(after) // TRACE_POINTS], here, per),
-        mark.event, *_short_or_none(mark, here, per),
-    )  # fmt: skip
-
-
-def _short_or_none(mark: Mark, here: float, per: float) -> tuple[float | None, float | None, float | None]:
-    origin = None if mark.origin is None else (mark.origin - here) * per
-    return origin, None if mark.least is None else mark.least * per, mark.limit
-
-
-def _read(path: Path, here: float, per: float) -> Path:
-    places = _short((place - here) * per for _, place in path)
-    return list(zip(_short(time for time, _ in path), places, strict=True))
+        name=mark.name,
+        time=_short((number - zero) * dt),
+        position=_short((rows[:, MEASURED] - here) * per),
+        current=_short(rows[:, CURRENT]),
+        flowing=[] if np.isnan(rows[:, FLOWING]).any() else _short(rows[:, FLOWING]),
+        after=[(time, place) for time, place in map(_short, watched)],
+        event=mark.event,
+        origin=None if mark.origin is None else (mark.origin - here) * per,
+        least=None if mark.least is None else mark.least * per,
+        limit=mark.limit,
+    )
 
 
 def _thinned(rows: NDArray[np.float64]) -> NDArray[np.intp]:

@@ -19,6 +19,7 @@ from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
+from tests.gap.test_diagnose import only
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,7 @@ def test_what_stays_open_in_the_loop_is_unknown_whatever_lies_along_the_path(tmp
 
 def test_the_noise_of_a_machine_that_ran_once_is_nothing_unknown(tmp_path: Path) -> None:
     stage_trial(draw(7, "null-exact", Drawn(short=True)), tmp_path)
-    session = load_session.load([tmp_path / "captures"])
+    session = only(load_session.load([tmp_path / "captures"]), "sine-1.6", "scan", "held-sine-b")
     once = session._replace(logs=tuple(log for log in session.logs if log.repeat == 1))
     diagnosis = diagnose.diagnose(once, diagnose.Options(advice=False), lambda _: None).result
     assert diagnosis.verdict == "none" and "floor not known" in diagnosis.sentence
