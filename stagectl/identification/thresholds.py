@@ -207,11 +207,10 @@ SLIP_STROKE = 0.1  # of a motion: the longest slip
 SLIP_SPAN = 300.0  # longest slip over the shortest that is seen, at most
 SLIPS, BRISTLES = 20, 5  # stop operators, lengths of bristles
 STRIBECK_OPERATORS = (3, 8, 14)  # stop operators that have Stribeck columns
-# Their least speed in that of the motion, and their number; the largest is this share of the axis' own, and between
-# these shares of the motion's.  Up to 0.3, 0.5 and 1.0 of it, D was off by 1.4, 1.1 and 1.0 deviations on 68 machines.
-STRIBECK_LEAST, STRIBECK_COLUMNS = 0.01, 6
-STRIBECK_LIMIT, STRIBECK_MOST = 0.05, (0.5, 1.0)
-STRIBECK_SEEN, STRIBECK_RISE = 0.55, 0.2  # faster ones, of the motion's speed, are of this scale; in Coulomb frictions
+# Of the largest speed, from and to; their number.  The columns reach as far as the laws.  What is faster looks like
+# viscous friction: on 68 machines of another hand D was off by 1.4, 1.1 and 1.0 of its standard deviations (rms) with
+# columns up to 0.3, 0.5 and 1.0; the interval of Tc was 4.3, 5.6 and 7.4 times that of the known law (median).
+STRIBECK_SPEEDS, STRIBECK_COLUMNS = (0.01, FASTEST_STRIBECK), 6
 MEMORIES = (5e-3, 20e-3, 80e-3)  # s, after which friction follows its Stribeck curve; source in `friction_columns`
 PATH_STEP = 1e-3  # s: a friction law follows a motion that is sampled at least as fast
 FINE_WINDOW = 2.1e-3  # s, knot distance from which the encoder's steps hide the speed between samples

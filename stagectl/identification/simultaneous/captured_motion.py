@@ -19,12 +19,12 @@ class Motion(NamedTuple):
     gravity: bool
 
 
-def quiet(parts: list[Part], gravity: bool, limit: float) -> Motion:
-    """The motion through windows that hide the encoder's steps; `limit` is the axis' largest speed."""
+def quiet(parts: list[Part], gravity: bool) -> Motion:
+    """The motion through windows that hide the encoder's steps."""
     calmed = [calm(p) for p in parts]
     free = [motion(p) for p in calmed]
     paths = [friction_columns.path(p, rows[:, VELOCITY]) for p, rows in zip(calmed, free, strict=True)]
-    return Motion(calmed, paths, free, friction_columns.shapes(calmed, np.vstack(free), limit), gravity)
+    return Motion(calmed, paths, free, friction_columns.shapes(calmed, np.vstack(free)), gravity)
 
 
 def resolved(calmed: Motion, parts: list[Part]) -> Motion:

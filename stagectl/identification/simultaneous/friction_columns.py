@@ -22,7 +22,6 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from stagectl.identification import thresholds
@@ -40,7 +39,6 @@ class Shapes(NamedTuple):
     length: Array  # (l,) rad | m, of the bristles
     speed: Array  # (k,) rad/s | m/s, of the Stribeck columns
     fastest: float  # rad/s | m/s, of the motion
-    stribeck: float  # rad/s | m/s, largest speed of a Stribeck curve
 
     @property
     def graded(self) -> Array:
@@ -51,12 +49,6 @@ class Shapes(NamedTuple):
     def remembered(self) -> Array:
         """Speeds of the Stribeck columns that friction follows after a while."""
         return self.speed[1::2]
-
-    @property
-    def hidden(self) -> NDArray[np.intp]:
-        """Places of the Stribeck columns that this motion hardly tells from viscous friction."""
-        fast = np.tile(self.speed > thresholds.STRIBECK_SEEN * self.fastest, len(self.graded))
-        return np.asarray(self.groups["stribeck"].start + np.flatnonzero(fast))
 
     @property
     def groups(self) -> dict[str, slice]:
@@ -72,13 +64,12 @@ class Shapes(NamedTuple):
         return {name: slice(first, last) for name, first, last in zip(sizes, ends, ends[1:], strict=False)}
 
 
-def shapes(parts: list[Part], motion: Array, limit: float) -> Shapes:
+def shapes(parts: list[Part], motion: Array) -> Shapes:
     """Slips from what sampling and encoder resolve to a share of the stroke, and speeds up to beyond the fastest.
 
     Where the measured path is coarse, the friction may still be stiffer than is seen: shorter slips are tried, too.
 
-    `motion` (rows, 2 or more) has acceleration and velocity of all `parts`; `limit` is the axis' largest speed.  A
-    curve that is faster than the motion looks like viscous friction, and is left out only where the axis has none.
+    `motion` (rows, 2 or more) has acceleration and velocity of all `parts`.
     """
     rms = float(np.sqrt(np.mean(motion[:, ACCELERATION] ** 2)))
     seen = min(_resolved(p, rms, thresholds.SLIP_STEPS, thresholds.SLIP_TIME) for p in parts)
@@ -86,13 +77,11 @@ def shapes(parts: list[Part], motion: Array, limit: float) -> Shapes:
     stroke = max(float(np.ptp(p.capture.position)) for p in parts)
     high = min(max(thresholds.SLIP_STROKE * stroke, 4.0 * seen), thresholds.SLIP_SPAN * seen)
     fastest = float(np.abs(motion[:, VELOCITY]).max())
-    stribeck = fastest * float(np.clip(thresholds.STRIBECK_LIMIT * limit / fastest, *thresholds.STRIBECK_MOST))
     return Shapes(
         np.geomspace(low, high, thresholds.SLIPS),
         np.geomspace(low, 0.5 * high, thresholds.BRISTLES),
-        np.geomspace(thresholds.STRIBECK_LEAST * fastest, stribeck, thresholds.STRIBECK_COLUMNS),
+        fastest * np.geomspace(*thresholds.STRIBECK_SPEEDS, thresholds.STRIBECK_COLUMNS),
         fastest,
-        stribeck,
     )
 
 

@@ -30,7 +30,7 @@ def bounds(kind: str, s: Shapes) -> tuple[float, float]:
         "range": (float(s.slip[0]) / 2.0, 2.0 * float(s.slip[-1])),
         "exponent": (0.3, 3.0),
         "rise": (1e-3, 1.0),
-        "stribeck": (thresholds.SLOWEST_STRIBECK * s.fastest, s.stribeck),
+        "stribeck": (thresholds.SLOWEST_STRIBECK * s.fastest, thresholds.FASTEST_STRIBECK * s.fastest),
         "elastic": (0.05, 0.95),
         "smoothing": (thresholds.LEAST_SMOOTHING * s.fastest, thresholds.MOST_SMOOTHING * s.fastest),
     }[kind]

@@ -142,8 +142,6 @@ class Problem(NamedTuple):
         mean[list(MECHANICAL)], deviation[list(MECHANICAL)] = self.before.mean, self.before.deviation
         for name, scale in zip(GROUPS, scales, strict=True):
             deviation[self.groups[name]] = max(scale, thresholds.NO_SCALE) * self.coulomb
-        hidden = FREE + self.shapes.hidden  # whose size no evidence tells, and which viscous friction would take up
-        deviation[hidden] = np.maximum(deviation[hidden], thresholds.STRIBECK_RISE * self.coulomb)
         deviation[RIPPLE] = self.coulomb * _ripples(self.parts, self.file, scales[0], self.gravity)
         law, damping = self.groups["law"], self.groups["damping"]
         own = slice(law.start, damping.stop)
@@ -154,7 +152,7 @@ class Problem(NamedTuple):
 
 def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool = False) -> Problem:
     """Columns of all `parts`, with the best law refined and the paths drawn by its model."""
-    quiet = captured_motion.quiet(parts, gravity, file.limits.speed)
+    quiet = captured_motion.quiet(parts, gravity)
     known, shapes, seen = beliefs(quiet, file, delay.mean), quiet.shapes, captured_motion.resolved(quiet, parts)
     ranked = refinement.refined(_rough(seen, known, file, delay))
     plain = _setting(seen, known, file, delay)
