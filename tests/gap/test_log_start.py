@@ -73,3 +73,13 @@ def test_a_log_cut_from_a_motion_leaves_no_residual(driven: MeasuredPath) -> Non
     moving = of_log(cut.rows[:, 1], cut.rows[:, 0], 0.0, SETUP.dt).plant(p, SETUP.dt)
     assert still.velocity == 0.0 and moving.velocity != 0.0
     assert stage.measured(p.encoder._replace(step=0.0), moving, stage.SILENT) == pytest.approx(cut.rows[0, 1], abs=1e-9)
+
+
+def test_what_is_left_of_the_noise_at_rest_is_no_velocity() -> None:
+    """The moving mean of a rest is smooth, and ends where it has fewer rows: that looks like a motion."""
+    source = np.random.default_rng(2)
+    for _ in range(20):
+        position = np.round(source.standard_normal(400)) * 6e-6
+        rows = np.column_stack([np.zeros(400), position, np.zeros(400)])
+        path = model_tracking.at_rest(MeasuredPath(rows, 3.0, SETUP.dt), True, [(0, 400)])
+        assert path.begins.going_on == (0.0, 0.0) and path.begins.clock == 3.0

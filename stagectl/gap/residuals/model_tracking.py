@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from stagectl.gap.logs import log_start
+from stagectl.gap.logs.log_start import LogStart, of_log
 from stagectl.gap.logs.session import Array, Log
 from stagectl.gap.residuals.noise_at_rest import Spans, quiet
 from stagectl.gap.residuals.thresholds import SUBSTEPS, TICK, TRACKER_BANDWIDTH
@@ -21,6 +21,14 @@ class MeasuredPath(NamedTuple):
     start: float  # s, session clock
     dt: float  # s
     sensed: Array | float = 0.0  # (n,) A, what of the current is noise of its sensor, as far as is known
+    still: bool = False  # whether the axis is known to stand at the first row
+
+    @property
+    def begins(self) -> LogStart:
+        """How the log begins; what is left of the noise of a standing axis is no velocity."""
+        if self.still:
+            return LogStart(float(self.rows[0, 1]), self.start)
+        return of_log(self.rows[:, 1], self.rows[:, 0], self.start, self.dt)
 
 
 class ModelResidual(NamedTuple):
@@ -46,7 +54,8 @@ def at_rest(path: MeasuredPath, commanded: bool, still: Spans) -> MeasuredPath:
     apart = current - command
     known = command if commanded else quiet(command, still, path.dt)
     rows = np.column_stack([known, quiet(position, still, path.dt), current])
-    return path._replace(rows=rows, sensed=apart - quiet(apart, still, path.dt))
+    stands = any(begin == 0 for begin, _ in still)
+    return path._replace(rows=rows, sensed=apart - quiet(apart, still, path.dt), still=stands)
 
 
 def mean_path(paths: Sequence[MeasuredPath]) -> MeasuredPath:
@@ -92,7 +101,7 @@ def tracking_residual(
     Its friction begins with the share `load` of what it can hold, or in the middle of a motion without that share.
     """
     p = p._replace(stage=p.stage._replace(encoder=p.stage.encoder._replace(step=0.0)))  # the log is quantised already
-    start = log_start.of_log(path.rows[:, 1], path.rows[:, 0], path.start, path.dt)
+    start = path.begins
     plant = start.plant(p.stage, path.dt)
     if load:
         plant.stops[:] = load if start.going_on[0] == 0.0 else (1.0 - load) * plant.stops
