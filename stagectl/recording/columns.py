@@ -66,7 +66,7 @@ class Stated(NamedTuple):
 
     setup: Setup | None = None  # the stage that it was recorded on
     columns: Mapping[str, str] | None = None  # which column or variable is which: ``{"position": "qm:mm"}``
-    scales: Scales | None = None  # in the place of a stage, with the columns
+    scales: Scales | None = None  # in the place of a stage
     known: Known = NOTHING_KNOWN  # where there is no stage
 
     @property

@@ -50,7 +50,8 @@ def read(path: Path, stated: Stated, about: dict[str, Any]) -> Log:
         raise RecordingError(f"{path} {_preamble(how)}", path, ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
-    scales = _scales(path, names, stated, scales_of_nominal(nominal, beside) if nominal else None)
+    described = stated.scales or (scales_of_nominal(nominal, beside) if nominal else None)
+    scales = _scales(path, names, stated, described)
     _of_this_kind(path, names, scales)
     found, notes = _known(path, how, scales)
     table, cut = read_table(path, names, list(found), how, [name for name in found if found[name][0] == "time"])
@@ -140,7 +141,7 @@ def _column(path: Path, how: Layout, choice: Choice) -> int:
 
 
 def _scales(path: Path, names: list[str], stated: Stated, nominal: Scales | None) -> Scales:
-    """From the stage file, else from nominal.yaml or by the unit of the position, with what is known."""
+    """From the stage file, else from what describes the machine or by the unit of the position, with what is known."""
     if stated.setup is not None:
         return scales_of_stage(stated.setup, nominal.amplifier if nominal else 0.0)
     if nominal is not None:

@@ -83,15 +83,6 @@ def test_a_stage_file_that_is_wrong_by_far_is_no_knowledge(tmp_path: Path) -> No
         assert found.parameters[name].low <= value <= found.parameters[name].high, name
 
 
-def test_a_slow_motion_does_not_tell_viscous_friction_from_a_stribeck_curve_of_its_own_speed(tmp_path: Path) -> None:
-    """The viscous friction was off by 52 % of itself, within an interval of 29 %."""
-    time = np.linspace(0.0, 4.0, 8000, endpoint=False)
-    position = 0.16 * np.sin(4.0 * np.pi * time)
-    velocity = np.gradient(position, 0.5e-3)
-    friction = COULOMB * np.tanh(velocity / 0.02) * (1.0 + 0.3 * np.exp(-((velocity / 1.5) ** 2)))
-    assert held(tmp_path / "log.csv", time, position, friction) == {"inertia", "viscous", "coulomb"}
-
-
 def test_friction_that_follows_its_stribeck_curve_late_does_not_look_like_inertia(tmp_path: Path) -> None:
     """It is higher while the axis speeds up, as inertia is, which was 2.8 % too large within an interval of 1 %."""
     time = np.linspace(0.0, 8.0, 16000, endpoint=False)
