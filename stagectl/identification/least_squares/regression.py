@@ -241,13 +241,13 @@ def _solved(
     covariance = standard_errors.covariance(unit, residual, ends) / np.outer(length, length)
     reported = matrix @ covariance @ matrix.T
     deviation = np.sqrt(np.diag(reported))
-    told = 4 if model.directions else len(deviation)
+    correlated = 4 if model.directions else len(deviation)
     estimates = map(Estimate, (matrix @ values).tolist(), deviation.tolist())
     return RegressionResult(
         dict(zip(model.names, estimates, strict=True)),
         100.0 * float(np.linalg.norm(residual / weight) / np.linalg.norm(force)),
         condition,
-        reported[:told, :told] / np.outer(deviation[:told], deviation[:told]),
+        reported[:correlated, :correlated] / np.outer(deviation[:correlated], deviation[:correlated]),
         force - regressor @ values,
     )
 
