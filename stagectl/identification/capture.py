@@ -94,6 +94,7 @@ class Capture(NamedTuple):
     steady: tuple[float, float] | None = None  # s, window of the steady part
     meta: Mapping[str, Any] = MappingProxyType({})  # of the recording
     notes: tuple[str, ...] = ()  # what is doubtful about it, for the user
+    unevenness: float = 0.0  # s, rms of how far its time stamps were from equally spaced ones
 
 
 def each(

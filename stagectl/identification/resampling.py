@@ -20,6 +20,7 @@ class Part(NamedTuple):
     dt: float  # s
     columns: dict[str, Array]  # (n,) each
     note: str  # empty where the rows are as they were recorded
+    unevenness: float = 0.0  # s, rms of how far its time stamps were from equally spaced ones
 
 
 def parts(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> tuple[list[Part], list[str]]:
@@ -153,7 +154,8 @@ def _equally_spaced(time: Array, columns: dict[str, Array], smooth: frozenset[st
         f"{duration(dt)}, {' and '.join(name for name in columns if name in smooth)} by a cubic spline, the rest "
         "linearly"
     )
-    return Part(start, dt, resampled, Note(Topic.RESAMPLED, text))
+    away = time - start - dt * np.rint((time - start) / dt)
+    return Part(start, dt, resampled, Note(Topic.RESAMPLED, text), float(np.sqrt(np.mean(away * away))))
 
 
 def _grid(time: Array, steps: Array) -> tuple[float, float, int]:

@@ -77,6 +77,7 @@ class Topic(enum.StrEnum):
     CLIPPED = "clipped"
     CONSTANT_CURRENT = "constant current"
     COHERENCE = "coherence"
+    CONTRADICTED = "contradicted"  # a value of the stage file that the record denies
     DELAY = "delay"
     FORCE_CONSTANT = "force constant"
     FROZEN = "frozen"  # a position that does not change

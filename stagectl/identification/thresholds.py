@@ -211,6 +211,7 @@ STRIBECK_OPERATORS = (3, 8, 14)  # stop operators that have Stribeck columns
 # viscous friction: on 68 machines of another hand D was off by 1.4, 1.1 and 1.0 of its standard deviations (rms) with
 # columns up to 0.3, 0.5 and 1.0; the interval of Tc was 4.3, 5.6 and 7.4 times that of the known law (median).
 STRIBECK_SPEEDS, STRIBECK_COLUMNS = (0.01, FASTEST_STRIBECK), 6
+MEMORIES = (5e-3, 20e-3, 80e-3)  # s, after which friction follows its Stribeck curve; source in `friction_columns`
 PATH_STEP = 1e-3  # s: a friction law follows a motion that is sampled at least as fast
 FINE_WINDOW = 2.1e-3  # s, knot distance from which the encoder's steps hide the speed between samples
 
@@ -223,7 +224,7 @@ FRICTION_SCALES = (  # of ripple, operators, bristles, Stribeck and lag, in Coul
     (0.0, 0.01, 0.03, 0.1, 0.4),
     (0.0, 0.01, 0.1, 0.4),
     (0.0, 0.01, 0.03, 0.1, 0.3),
-    (0.0, 0.01, 0.1),
+    (0.0, 0.01, 0.1, 0.3),
 )
 # The same where the encoder's noise is seen: an error of form, and not the path's, which longer ones take up with the
 # inertia: on foreign axes it fell by up to 90 %.

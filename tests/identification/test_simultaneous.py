@@ -158,6 +158,7 @@ def test_linear_axis_in_metres(ball_screw: Setup) -> None:
     file = ball_screw.file._replace(
         mechanics=mechanics._replace(inertia=mechanics.inertia / lead**2, viscous=mechanics.viscous / lead**2),
         axis=ball_screw.file.axis._replace(kind="linear", lead=0.0),
+        limits=ball_screw.file.limits._replace(speed=lead * ball_screw.file.limits.speed),
         motor=ball_screw.file.motor._replace(force_constant=ball_screw.file.motor.force_constant / lead),
     )
     result = identify(

@@ -93,10 +93,13 @@ def estimated(answer: Answer) -> Estimate:
     mean, covariance = answer.moments(sums)
     delay = _delay(p, answer, sums, float(covariance[-1, -1]))
     shift = _answered_noise(p, answer, sums, delay)
+    noise = p.noise_doubt * _added_by_noise(p, answer, sums, delay, shift)
     mean, covariance = mean - shift, covariance + thresholds.OTHER_LOOP**2 * np.outer(shift, shift)
+    covariance += np.outer(noise, noise)
     theta = best.known.mean[:, best.best]
     residual = p.forces(best.delays[[best.best]]).rows[:, 0] - p.columns @ theta
     bands = _bands(p, answer, sums, delay, p.whitening(residual), shift)
+    bands[-1] = max(bands[-1], p.delay.deviation and _uneven(p) ** 2)
     factors = np.sqrt(np.maximum(bands / np.maximum(np.diag(covariance), 1e-300), 1.0))
     covariance *= np.outer(factors, factors)
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -143,13 +146,23 @@ def _bands(p: Problem, answer: Answer, sums: Array, delay: _Delay, residual: Arr
     direct = cho_solve(answer.best.known.factor, sums.T).T
     late = answer.power * delay.variance * (p.white @ delay.weights - delay.slope)
     influence = np.vstack([answer.power * direct @ p.white.T, np.zeros(len(late))]) + np.outer(delay.parameters, late)
-    noise = _moved(p, answer)
-    expected = np.append(noise * direct[:, ACCELERATION], 0.0) - shift
-    expected += noise * delay.variance * delay.weights[ACCELERATION] * delay.parameters
+    expected = _added_by_noise(p, answer, sums, delay, shift)
     kept = p.whitening.kept
     return np.array(
         [agreement.variance(of, residual, more, kept) for of, more in zip(influence, expected.tolist(), strict=True)]
     )
+
+
+def _added_by_noise(p: Problem, answer: Answer, sums: Array, delay: _Delay, shift: Array) -> Array:
+    """What the noise in the acceleration would add to NAMES (5,), were it not taken out."""
+    noise, direct = _moved(p, answer), cho_solve(answer.best.known.factor, sums.T).T
+    added = np.append(noise * direct[:, ACCELERATION], 0.0) - shift
+    return np.asarray(added + noise * delay.variance * delay.weights[ACCELERATION] * delay.parameters)
+
+
+def _uneven(p: Problem) -> float:
+    """How well (s) the time stamps tell when a row was: a logger that is late now and then is late on average."""
+    return max(rows.capture.unevenness for rows in p.parts)
 
 
 def _inertia(answer: Answer) -> float:

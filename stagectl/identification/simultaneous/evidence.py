@@ -27,6 +27,7 @@ count as ``n / (c + n f / K)``: no record is worth more than K values per unit o
 at least that of an error of form of `FORM_ERROR` of the friction.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -127,7 +128,7 @@ def _residual(p: Problem, fit: Fit, forces: Forces) -> Array:
 def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
     """The problem without the noise of its acceleration, as far as the motion still determines the inertia."""
     full, rounded = p.gram, rounding_noise(p.parts, p.whitening.response)
-    sensed = p.file.motor.force_constant**2 * current_noise(p.parts, p.whitening.response)
+    sensed = p.file.motor.force_constant**2 * np.array(current_noise(p.parts, p.whitening.response))
     most = thresholds.MOST_NOISE * _alone(full, ACCELERATION)
     for _ in range(thresholds.NOISE_ROUNDS):
         fit = _settled(p, forces, scales, _rough_variance(p, forces))
@@ -135,13 +136,19 @@ def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
             float(fit.known.mean[ACCELERATION, fit.best]), thresholds.LEAST_INERTIA * p.file.mechanics.inertia
         )
         # A controller answers rounding with a current, which looks like the sensor's noise: rounding is the least.
-        moved = min(max(fit.variance - sensed, rounded * inertia**2), fit.variance)
+        most_moved, least_moved = np.clip(fit.variance - sensed, min(rounded * inertia**2, fit.variance), fit.variance)
+        moved, doubt = 0.5 * (most_moved + least_moved), (most_moved - least_moved) / math.sqrt(12.0)
         if p.stepped:
-            moved = min(rounded * inertia**2, fit.variance)
+            moved, doubt = min(rounded * inertia**2, fit.variance), 0.0
         noise, gram = min(len(p.white) * moved / inertia**2, most), full.copy()
         agrees = abs(noise - p.acceleration_noise) <= thresholds.NOISE_AGREES * noise
         gram[ACCELERATION, ACCELERATION] -= noise
-        p = p._replace(gram=gram, acceleration_noise=noise, moved_share=min(moved / max(fit.variance, 1e-300), 1.0))
+        p = p._replace(
+            gram=gram,
+            acceleration_noise=noise,
+            moved_share=min(moved / max(fit.variance, 1e-300), 1.0),
+            noise_doubt=doubt / max(moved, 1e-300),
+        )
         if agrees:
             break
     return p

@@ -5,7 +5,10 @@
     stop operators     S_j(x)                    Maxwell slip; a dense set also has the curve of any other full reversal
     bristles           z_l(x), Dahl's exponent 1 and 2
     Stribeck           S_j(x) exp(-|v| / v_k)    friction that depends on the speed; signed sums give any fall with it
-    lag                d/dt of bristles and of the Stribeck columns: damping of a bristle, frictional lag
+    lag                d/dt of bristles and of the Stribeck columns, and first-order lags of these: damping of a
+                       bristle; friction that follows its Stribeck curve after a while (frictional memory)
+
+Source of the lags: B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994, section 2.
 
 A Maxwell slip, Dahl, LuGre, elasto-plastic or GMS axis is a sum of these up to an error of form of some thousandths of
 its friction (`thresholds.FORM_ERROR`).  The scale of each group is not known; `evidence` averages over it.
@@ -13,9 +16,10 @@ its friction (`thresholds.FORM_ERROR`).  The scale of each group is not known; `
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -25,6 +29,7 @@ from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous.regressors import ACCELERATION, VELOCITY, Part, coarse, track
 from stagectl.identification.simultaneous.windows import HALF, Rows, resolution, smoothed, window
 from stagectl.kernels import friction_bristle, friction_path, presliding
+from stagectl.kernels.jit import kernel
 
 
 class Shapes(NamedTuple):
@@ -41,6 +46,11 @@ class Shapes(NamedTuple):
         return self.slip[list(thresholds.STRIBECK_OPERATORS)]
 
     @property
+    def remembered(self) -> Array:
+        """Speeds of the Stribeck columns that friction follows after a while."""
+        return self.speed[1::2]
+
+    @property
     def groups(self) -> dict[str, slice]:
         """Places of each group in the columns."""
         lengths, speeds = len(self.length), len(self.graded) * len(self.speed)
@@ -48,7 +58,7 @@ class Shapes(NamedTuple):
             "operators": len(self.slip),
             "bristles": 2 * lengths,
             "stribeck": speeds,
-            "lag": lengths + len(self.speed),
+            "lag": lengths + len(self.speed) + 2 * len(self.remembered) * len(thresholds.MEMORIES),
         }
         ends = np.cumsum([0, *sizes.values()]).tolist()
         return {name: slice(first, last) for name, first, last in zip(sizes, ends, ends[1:], strict=False)}
@@ -157,6 +167,24 @@ def _columns(p: Path, s: Shapes) -> Iterator[Array]:
     state = operator(p.position, float(s.graded[0]))
     for speed in s.speed:
         yield _unit(p.smoothed(state * np.exp(-np.abs(p.velocity) / speed), 1))
+    for speed, memory in itertools.product(s.remembered.tolist(), thresholds.MEMORIES):
+        late = np.zeros((2, len(state)))
+        _remembered(state * np.exp(-np.abs(p.velocity) / speed), math.exp(-p.dt / memory), late)
+        yield from p.smoothed(late)
+
+
+@kernel
+def _remembered(x: Any, kept: float, out: Any) -> None:
+    """Fill `out` (2, n): what first-order lags of friction `x` (n,) add to it, of all of it and of its fall alone.
+
+    `kept` is what is left of a step after a sample.  Elements that stick again at once follow a rise at once.
+    """
+    late = falling = x[0]
+    for k in range(1, len(x)):
+        late = x[k] + kept * (late - x[k])
+        falls = x[k] * falling > 0.0 and abs(x[k]) < abs(falling)
+        falling = x[k] + kept * (falling - x[k]) if falls else x[k]
+        out[0, k], out[1, k] = late - x[k], falling - x[k]
 
 
 def _unit(column: Array) -> Array:

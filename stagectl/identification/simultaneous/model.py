@@ -17,6 +17,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous import captured_motion, friction_columns, laws, refinement, whitening
+from stagectl.identification.simultaneous.beliefs import MECHANICAL, Beliefs, beliefs
 from stagectl.identification.simultaneous.captured_motion import Motion
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
@@ -79,12 +80,18 @@ class Problem(NamedTuple):
     whitening: Whitening  # of the noise
     white: Array  # (n, m): the columns that it leaves
     gram: Array  # (m, m) of `white`
-    coulomb: float  # N m | N, about
+    before: Beliefs
     file: StageFile
     delay: DelayPrior
     gravity: bool = False  # the axis turns in gravity: sine and cosine of its angle
     acceleration_noise: float = 0.0  # sum of squares that `gram` lacks
     moved_share: float = 0.0  # of the residual's noise that lies in the acceleration
+    noise_doubt: float = 0.0  # relative standard deviation of the acceleration's noise
+
+    @property
+    def coulomb(self) -> float:
+        """About the Coulomb friction, N m | N."""
+        return self.before.coulomb
 
     @property
     def stepped(self) -> bool:
@@ -111,7 +118,12 @@ class Problem(NamedTuple):
         """The same rows with another spectrum of their noise, and no noise taken out."""
         white = whitening(self.columns)
         return self._replace(
-            whitening=whitening, white=white, gram=white.T @ white, acceleration_noise=0.0, moved_share=0.0
+            whitening=whitening,
+            white=white,
+            gram=white.T @ white,
+            acceleration_noise=0.0,
+            moved_share=0.0,
+            noise_doubt=0.0,
         )
 
     def noise(self, residual: Array) -> Whitening:
@@ -127,8 +139,7 @@ class Problem(NamedTuple):
     def prior(self, scales: Scales) -> gaussian.Prior:
         """Of all columns, with these scales of the groups."""
         mean, deviation = np.zeros(len(self.gram)), np.full(len(self.gram), self.coulomb)
-        mechanical = [ACCELERATION, VELOCITY]
-        mean[mechanical], deviation[mechanical] = mechanics(self.file)
+        mean[list(MECHANICAL)], deviation[list(MECHANICAL)] = self.before.mean, self.before.deviation
         for name, scale in zip(GROUPS, scales, strict=True):
             deviation[self.groups[name]] = max(scale, thresholds.NO_SCALE) * self.coulomb
         deviation[RIPPLE] = self.coulomb * _ripples(self.parts, self.file, scales[0], self.gravity)
@@ -142,14 +153,14 @@ class Problem(NamedTuple):
 def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool = False) -> Problem:
     """Columns of all `parts`, with the best law refined and the paths drawn by its model."""
     quiet = captured_motion.quiet(parts, gravity)
-    coulomb, shapes, seen = _coulomb(quiet, file, delay), quiet.shapes, captured_motion.resolved(quiet, parts)
-    ranked = refinement.refined(_rough(seen, coulomb, file, delay))
-    plain = _setting(seen, coulomb, file, delay)
+    known, shapes, seen = beliefs(quiet, file, delay.mean), quiet.shapes, captured_motion.resolved(quiet, parts)
+    ranked = refinement.refined(_rough(seen, known, file, delay))
+    plain = _setting(seen, known, file, delay)
     left = refinement.residual(ranked[0], plain)
     noise = _noise(parts, left, plain.whitening.rows)
     scatter = math.sqrt(thresholds.WINDOW_CORRELATION) * float(np.std(noise(left)))
     seen = seen._replace(paths=[_followed(p, x, ranked[0], seen, file) for p, x in zip(parts, seen.paths, strict=True)])
-    white = _setting(seen, coulomb, file, delay, noise)._replace(noise=scatter)
+    white = _setting(seen, known, file, delay, noise)._replace(noise=scatter)
     if any(stepped(p) for p in parts):  # what is not rounding; the controller's answer to it is in the current
         white = white._replace(sensed=max(0.0, scatter**2 - _rounding(parts, noise, file)))
     ranked = refinement.refined_again(white, ranked)
@@ -167,20 +178,20 @@ def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool
         ]
     )
     noise = noise._replace(rows=tuple(p.rows for p in parts))
-    return Problem(parts, shapes, matrix, ranked, noise, matrix, matrix, coulomb, file, delay, gravity).whitened(noise)
+    return Problem(parts, shapes, matrix, ranked, noise, matrix, matrix, known, file, delay, gravity).whitened(noise)
 
 
-def _rough(seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior) -> refinement.Setting:
+def _rough(seen: Motion, before: Beliefs, file: StageFile, delay: DelayPrior) -> refinement.Setting:
     """What the laws are refined on before a residual is known: it counts as the path's error, or as rounding."""
     if not any(stepped(p) for p in seen.parts):
-        plain = _setting(seen, coulomb, file, delay)
+        plain = _setting(seen, before, file, delay)
         return plain._replace(sensed=math.inf) if any(coarse(p) for p in seen.parts) else plain
-    rough, first = (thresholds.ROUGH_NOISE * coulomb) ** 2, seen.parts[0]
+    rough, first = (thresholds.ROUGH_NOISE * before.coulomb) ** 2, seen.parts[0]
     row, count = first.places.step * first.capture.dt, file.mechanics.inertia * resolution(first.capture)
     power = rough * row / (2.0 * thresholds.WINDOW_BAND) / (count**2 / 12.0 * first.capture.dt)
     noise = whitening.with_corner([p.rows for p in seen.parts], power**0.25 * row)
     scatter = math.sqrt(rough + _rounding(seen.parts, noise, file))
-    return _setting(seen, coulomb, file, delay, noise)._replace(sensed=rough, noise=scatter)
+    return _setting(seen, before, file, delay, noise)._replace(sensed=rough, noise=scatter)
 
 
 def _rounding(parts: list[Part], noise: Whitening, file: StageFile) -> float:
@@ -209,7 +220,7 @@ def _followed(
 
 
 def _setting(
-    seen: Motion, coulomb: float, file: StageFile, delay: DelayPrior, noise: Whitening | None = None
+    seen: Motion, before: Beliefs, file: StageFile, delay: DelayPrior, noise: Whitening | None = None
 ) -> refinement.Setting:
     """What the laws are refined on: the first rows of every capture, whitened as this `noise`."""
     rows = thresholds.LAW_STEPPED_ROWS if any(stepped(p) for p in seen.parts) else thresholds.LAW_ROWS
@@ -218,8 +229,8 @@ def _setting(
     white = whitening.none([p.rows for p in heads])
     white = white if noise is None else noise._replace(rows=white.rows)
     free, force = white(np.vstack([one[:most] for one in seen.free])), _forces(heads, file, delay)
-    (inertia, viscous), (_, tight) = mechanics(file)
     ripple = _ripples(heads, file, thresholds.FRICTION_SCALES[0][-1], seen.gravity)
+    coulomb = before.coulomb
     return refinement.Setting(
         [x.head(most) for x in seen.paths],
         seen.shapes,
@@ -228,12 +239,13 @@ def _setting(
         free[:, VELOCITY:],
         free[:, VELOCITY:].T @ free[:, VELOCITY:],
         lambda late: white(force(late)),
-        np.r_[viscous, np.zeros(FREE - 2)],
-        np.r_[tight, coulomb, coulomb * ripple],
+        np.r_[before.mean[1], np.zeros(FREE - 2)],
+        np.r_[before.deviation[1], coulomb, coulomb * ripple],
         coulomb,
         (delay.mean, delay.deviation),
-        inertia,
-        file.motor.force_constant**2 * current_noise(heads, white.response),
+        before.mean[0],
+        before.inertia_doubt,
+        file.motor.force_constant**2 * float(np.mean(current_noise(heads, white.response))),
         thresholds.ROUGH_NOISE * coulomb,
     )
 
@@ -249,27 +261,3 @@ def _forces(parts: list[Part], file: StageFile, delay: DelayPrior) -> Callable[[
     """The left side at any delay."""
     nodes = file.motor.force_constant * currents(parts, delay.nodes)
     return CubicSpline(delay.nodes, nodes, axis=1) if delay.deviation else lambda late: nodes[:, 0]
-
-
-def _coulomb(seen: Motion, file: StageFile, delay: DelayPrior) -> float:
-    """About the Coulomb friction: one operator next to the stage file's mechanics with their doubt."""
-    slip = float(seen.shapes.slip[len(seen.shapes.slip) // 2])
-    state = np.concatenate([x.smoothed(friction_columns.operator(x.position, slip)) for x in seen.paths])
-    last = RIPPLE.start + 2 * seen.gravity
-    some = np.column_stack([np.vstack(seen.free)[:, :last], state])
-    force = file.motor.force_constant * currents(seen.parts, np.array([delay.mean]))[:, 0]
-    rms = float(np.sqrt(np.mean(force * force)))
-    power = 1.0 / (thresholds.WINDOW_CORRELATION * (thresholds.ROUGH_RESIDUAL * rms) ** 2)
-    sums = gaussian.Sums(power * some.T @ some, power * some.T @ force, power * float(force @ force))
-    (inertia, viscous), (loose, tight) = mechanics(file)
-    mean, deviation = np.zeros(last + 1), np.full(last + 1, rms)
-    mean[[ACCELERATION, VELOCITY]], deviation[[ACCELERATION, VELOCITY]] = (inertia, viscous), (loose, tight)
-    prior = gaussian.independent(mean, deviation)
-    return max(abs(float(gaussian.posterior(sums, prior).mean[-1])), thresholds.LEAST_FRICTION * rms)
-
-
-def mechanics(file: StageFile) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Inertia and viscous friction of the stage file, and the standard deviations of their doubt."""
-    p = file.mechanics
-    viscous = thresholds.VISCOUS_DOUBT * p.viscous + thresholds.NATURAL_DAMPING * p.inertia
-    return (p.inertia, p.viscous), (thresholds.INERTIA_DOUBT * p.inertia, viscous)

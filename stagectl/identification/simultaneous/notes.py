@@ -30,7 +30,17 @@ STAGE_KEYS = {"inertia": "mechanics.inertia", "viscous": "mechanics.viscous", "c
 
 def written(p: Estimate) -> tuple[Note, ...]:
     """The notes, the most general one first."""
-    return (*_force_constant(p), *_offset(p), *_delay(p), *_prior(p), *_tied(p), *_imprecise(p), *_ripple(p), *_form(p))
+    return (
+        *_force_constant(p),
+        *_offset(p),
+        *_delay(p),
+        *_contradicted(p),
+        *_prior(p),
+        *_tied(p),
+        *_imprecise(p),
+        *_ripple(p),
+        *_form(p),
+    )
 
 
 def withheld(p: Estimate) -> dict[str, Note]:
@@ -84,6 +94,17 @@ def _correlation(p: Estimate, name: str, other: str) -> float:
     j, k = NAMES.index(name), NAMES.index(other)
     size = math.sqrt(p.covariance[j, j] * p.covariance[k, k])
     return float(p.covariance[j, k]) / size if size > 0.0 else 0.0
+
+
+def _contradicted(p: Estimate) -> Iterator[Note]:
+    before = p.problem.before
+    for name, value, doubted in zip(("inertia", "viscous"), before.mean, before.doubted, strict=True):
+        if doubted:
+            text = (
+                f"{name}: the record contradicts the stage file's {value:.3g} {p.parameters[name].unit}, which counted "
+                "as no knowledge; check the force constant and the units there, or write what was found"
+            )
+            yield Note(Topic.CONTRADICTED, text)
 
 
 def _prior(p: Estimate) -> Iterator[Note]:

@@ -57,12 +57,13 @@ class Setting(NamedTuple):
     coulomb: float  # N m | N, about
     delay: tuple[float, float]  # mean and deviation before the data, s; deviation 0: given
     inertia: float  # kg m^2 | kg, before the data
+    doubt: float  # standard deviation of its logarithm
     sensed: float  # variance of the residual that is the current sensor's, (N m)^2 | N^2
     noise: float  # standard deviation of the residual that a search assumes, N m | N
 
     def inertia_at(self, u: Array) -> float:
         """Inertia at these coordinates."""
-        return self.inertia * math.exp(thresholds.INERTIA_DOUBT * float(u[-1]))
+        return self.inertia * math.exp(self.doubt * float(u[-1]))
 
 
 def tangent(force: Callable[[Array], Array], theta: Array, rows: int) -> Array:
@@ -102,7 +103,7 @@ def _ranked(found: Iterable[Refined]) -> list[Refined]:
 
 def _coordinates(law: Refined, at: Setting) -> Array:
     late = (law.delay - at.delay[0]) / at.delay[1] if at.delay[1] else 0.0
-    heavy = math.log(law.free[0] / at.inertia) / thresholds.INERTIA_DOUBT
+    heavy = math.log(law.free[0] / at.inertia) / at.doubt
     return np.concatenate([np.log(law.theta), [late, heavy]])
 
 
@@ -155,7 +156,7 @@ def _solved(law: Law, at: Setting, u: Array, noise: float, along: Callable[[Arra
     volume = 2.0 * float(np.log(np.diag(factor[0])).sum() + np.log(deviation).sum())
     cross = np.r_[at.free.T @ at.acceleration, own.T @ at.acceleration] / scatter
     left = float(at.acceleration @ at.acceleration) - float(cross @ cho_solve(factor, cross))
-    doubt = thresholds.INERTIA_DOUBT * at.inertia_at(u) / scatter
+    doubt = at.doubt * at.inertia_at(u) / scatter
     return _Solved(weights, residual, (weights - mean) / deviation, volume + math.log1p(doubt**2 * left))
 
 

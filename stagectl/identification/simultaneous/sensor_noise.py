@@ -8,17 +8,31 @@ from stagectl.identification.simultaneous.regressors import Part, coarse, steppe
 from stagectl.identification.simultaneous.windows import resolution, window
 
 
-def current_noise(parts: list[Part], whitening: Array) -> float:
-    """Variance (A^2) that a current sensor's white noise leaves in the filtered current, as fourth differences show it.
+def current_noise(parts: list[Part], whitening: Array) -> tuple[float, float]:
+    """Least and largest variance (A^2) that a current sensor's white noise leaves in the filtered current.
+
+    Fourth differences hold noise, and at slow rows the motion itself.  Those over every second sample hold as much of
+    the noise, twice as much of a current that jumps, and far more of one that is smooth: what does not double is noise
+    at least, all of them are noise at most.
 
     `whitening` (p + 1,) are the weights of rows that the current has passed besides the window.  A commanded current
     has no such noise.  The controller's response to the encoder's rounding counts as such noise, too.
     """
-    total = 0.0
+    total = np.zeros(2)
     for p in parts:
-        differences = np.diff(p.capture.current, 4)
-        total += p.rows * _passed(p, whitening) * float(np.mean(differences * differences)) / 70.0
-    return total / sum(p.rows for p in parts)
+        every, second = _differences(p.capture.current, 1), _differences(p.capture.current, 2)
+        least = float(np.clip(2.0 * every - second, 0.0, every))
+        total += p.rows * _passed(p, whitening) / 70.0 * np.array([least, every])
+    least, most = (total / sum(p.rows for p in parts)).tolist()
+    return least, most
+
+
+def _differences(x: Array, step: int) -> float:
+    """Mean square of the fourth differences of samples so many apart; 70 times the variance of white noise."""
+    weights = np.zeros(4 * step + 1)
+    weights[::step] = (1.0, -4.0, 6.0, -4.0, 1.0)
+    differences = np.convolve(x, weights, "valid")
+    return float(np.mean(differences * differences))
 
 
 def rounding_noise(parts: list[Part], whitening: Array) -> float:
