@@ -9,12 +9,30 @@ Source: W. K. Newey, K. D. West, Econometrica 55(3), 1987; D. W. K. Andrews, Eco
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.identification.capture import Array
 from stagectl.identification.thresholds import STIFFEST_SCORES
+
+
+class Solution(NamedTuple):
+    """A least-squares estimate."""
+
+    values: Array  # (k,)
+    covariance: Array  # (k, k)
+    residual: Array  # (n,)
+
+
+def solved(columns: Array, force: Array, ends: Sequence[int] | NDArray[np.int64] = ()) -> Solution:
+    """Least squares of `force` (n,) over `columns` (n, k), scaled to unit length so that units do not matter."""
+    length = np.linalg.norm(columns, axis=0) + 1e-300
+    unit = columns / length
+    scaled, *_ = np.linalg.lstsq(unit, force, rcond=None)
+    residual = force - unit @ scaled
+    return Solution(scaled / length, covariance(unit, residual, ends) / np.outer(length, length), residual)
 
 
 def covariance(regressor: Array, residual: Array, ends: Sequence[int] | NDArray[np.int64] = ()) -> Array:

@@ -234,11 +234,8 @@ def _solved(
             value=condition,
             admissible=f"[1, {thresholds.WORST_CONDITION:g}]",
         )
-    unit, weighted = weight[:, None] * regressor / length, weight * force
-    scaled, *_ = np.linalg.lstsq(unit, weighted, rcond=None)
-    values, residual = scaled / length, weighted - unit @ scaled
+    values, covariance, residual = standard_errors.solved(weight[:, None] * regressor, weight * force, ends)
     matrix = model.reported()
-    covariance = standard_errors.covariance(unit, residual, ends) / np.outer(length, length)
     reported = matrix @ covariance @ matrix.T
     deviation = np.sqrt(np.diag(reported))
     correlated = 4 if model.directions else len(deviation)

@@ -19,10 +19,11 @@ def not_same_instant(regressor: Array, slopes: Array, force: Array, ends: NDArra
 
     `regressor` (m, k) has the acceleration first, `slopes` (m, k) are those of its columns.
     """
-    found, deviation = _solved(regressor, force, ends)
-    all_found, all_deviations = _solved(np.column_stack([regressor, -slopes @ found]), force, ends)
-    late, inertia, corrected = all_found[-1], found[0], all_found[0]
-    if abs(late) <= NORMAL_95 * all_deviations[-1] or abs(corrected - inertia) <= NORMAL_95 * deviation[0]:
+    plain = standard_errors.solved(regressor, force, ends)
+    whole = standard_errors.solved(np.column_stack([regressor, -slopes @ plain.values]), force, ends)
+    late, inertia, corrected = whole.values[-1], plain.values[0], whole.values[0]
+    seen = abs(late) > NORMAL_95 * np.sqrt(whole.covariance[-1, -1])
+    if not seen or abs(corrected - inertia) <= NORMAL_95 * np.sqrt(plain.covariance[0, 0]):
         return ""
     text = (
         f"the force is {duration(abs(late))} {'late' if late > 0.0 else 'early'} beside the position, for which a "
@@ -30,12 +31,3 @@ def not_same_instant(regressor: Array, slopes: Array, force: Array, ends: NDArra
         "its interval; identify with `simultaneous`, which finds the delay"
     )
     return Note(Topic.LATE, text)
-
-
-def _solved(columns: Array, force: Array, ends: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Coefficients (k,) of the `columns` (m, k) and their standard deviations."""
-    length = np.linalg.norm(columns, axis=0) + 1e-300
-    unit = columns / length
-    scaled, *_ = np.linalg.lstsq(unit, force, rcond=None)
-    variance = np.diag(standard_errors.covariance(unit, force - unit @ scaled, ends))
-    return scaled / length, np.sqrt(variance) / length
