@@ -101,6 +101,8 @@ LOGS = {
 # The words typed after `stagectl`; the place that must be named; the exit code.
 MISTAKES = [
     (f"simulate config/ballscrew.yaml {T}", "did you mean config/ball-screw.yaml?", 2),
+    (f"simulate https://example.com/stage.yaml {T}", "download it first", 2),
+    (f"drive accept {S} --yes --person me --current 100A", "--current is 100 A", 2),
     (f"simulate {S} config/trajectories/sine-16hz.yaml", "sine-16hz.yaml", 2),
     (f"simulate config {T}", "config is not a file", 2),
     (f"run {S} config/trajectories", "config/trajectories", 2),
