@@ -20,7 +20,7 @@ from stagectl.evaluation import evaluate, tracking_error
 from stagectl.extras import require
 from stagectl.kernels import rollout
 from stagectl.problem import Problem, ProblemKind
-from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, quantities, save
+from stagectl.recording.hdf5 import Recording, RecordingError, check_target, open_recording, quantities, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -137,6 +137,8 @@ class MotionRecord(PrintedResult):
             raise RecordingError(problem._replace(file=target))
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.suffix == ".h5":
+            if target != self.path:  # of its own it is the same
+                check_target(target)
             save(target, self.recording.meta, self.samples, self.recording.ended, self.recording.complete)
             return target
         from stagectl.recording.exports import export
