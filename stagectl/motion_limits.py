@@ -58,13 +58,13 @@ def check_noticeable(setup: Setup, reference: NDArray[np.float64], duration: flo
         raise LimitError(_unmoved(Problem(reason, ProblemKind.LIMIT, unit="s"), remedy), duration, dt)
 
 
-def check_current(setup: Setup, amplitude: float) -> None:
-    """Refuse an injected current of this `amplitude` (A) above the drive's limit.  Raises LimitError."""
+def check_current(setup: Setup, amplitude: float, what: str = "the experiment's amplitude") -> None:
+    """Refuse an injected current of this `amplitude` (A) above the drive's limit; `what` it is.  Raises LimitError."""
     limit = setup.file.drive.current_limit
     if amplitude > limit:
-        reason = f"the experiment's amplitude is {amplitude:g} A"
+        reason = f"{what} is {amplitude:g} A"
         problem = Problem(reason, ProblemKind.LIMIT, "drive.current_limit", f"{limit:g} A", "A")
-        raise LimitError(_unmoved(problem, "lower the amplitude"), amplitude, limit)
+        raise LimitError(_unmoved(problem, f"lower {what}"), amplitude, limit)
 
 
 def beyond_current(setup: Setup, rows: NDArray[np.float64]) -> str:

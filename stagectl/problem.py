@@ -6,6 +6,7 @@ import errno
 import itertools
 import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -28,12 +29,17 @@ def meant(word: str, known: Sequence[str], otherwise: str = "must be one of") ->
     return f"did you mean {near}?" if near else f"{otherwise} {', '.join(known)}"
 
 
+_ADDRESS = re.compile(r"(https?|ftp|file|s3):/")  # a path has one slash left of the two
+
+
 def absent(path: Path) -> str:
     """What to say of a file that is not there: ``no such file or folder: did you mean config/ball-screw.yaml?``."""
     if path.is_dir():
         return f"it is a folder, and a file is expected here: choose one, see `ls {path}`"
     if path.is_symlink():
         return f"it is a link to {path.readlink()}, which is not there: see `ls -l {path}`"
+    if _ADDRESS.match(str(path)):
+        return "no address of a network is read: download it first, `curl -O`, and give the file"
     if str(path) == "-":
         return "standard input is not read here: write it to a file first, and give the file"
     meant, whole = _meant(path)

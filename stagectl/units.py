@@ -236,8 +236,9 @@ def _measures(unit: str, to: str) -> bool:
 
 
 def _distance(word: str, name: str, likely: list[str]) -> tuple[int, bool, bool]:
-    """How a known word sorts beside the `name` that was typed: by likeness; MM is mm, MBit is Mbit."""
-    return likely.index(word.lower()), len(name) == 2 and name.isupper() and not word.islower(), word[0] != name[0]
+    """How a known word sorts beside the `name` that was typed: by likeness; MM is mm, MBit and MB are Mbit."""
+    shouted = name.isupper() and len(name) == 2 and word.upper() == name
+    return likely.index(word.lower()), shouted and not word.islower(), word[0] != name[0]
 
 
 def _stranger(text: str) -> str:

@@ -38,7 +38,7 @@ def test_the_demo_moves_the_stage_and_writes_its_page(tmp_path: Path) -> None:
     assert answer["report"] == str(tmp_path / "demo" / "report.html")
     page = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
     assert page.count("<tr>") >= 4
-    assert "data:image/png;base64," in page
+    assert "data:image/png;base64," in page and page.count("data-plot=") == 3  # to print, and to explore
     assert not re.search(r"(src|href)=\"(?!data:)", page)  # self-contained
     assert len(list((tmp_path / "demo").glob("*.h5"))) == 6
 

@@ -37,6 +37,24 @@ def recording(tmp_path: Path, command: Command) -> Path:
     return tmp_path / "a.h5"
 
 
+@pytest.mark.parametrize(
+    ("drive", "kept"),
+    [
+        ("CANopen node 5 on socketcand can0@host:29536", True),
+        ("ODrive 0 on /dev/ttyACM0 at 115200 baud", True),
+        ("CANopen node 5 on embedded stage", False),
+        ("simulated, compiled", False),
+    ],
+)
+def test_what_a_machine_has_done_is_left(recording: Path, command: Command, drive: str, kept: bool) -> None:
+    """A repeat gives back a simulation, and nothing else."""
+    measured = open_recording(recording)
+    save(recording, {**measured.meta, "drive": {"drive": drive}}, measured.samples, "done")
+    before = recording.read_bytes()
+    code, _, error = command("simulate", CONFIG / "ball-screw.yaml", recording.with_name("sine.yaml"), "-o", recording)
+    assert (code, recording.read_bytes() == before) == ((2, True) if kept else (0, False)), error
+
+
 @pytest.mark.parametrize("mark", [JSON, PAGE])
 def test_another_kind_of_file_is_left(tmp_path: Path, mark: str) -> None:
     path = tmp_path / "there.html"

@@ -161,6 +161,7 @@ def _choices(parts: Sequence[Any]) -> list[str]:
 
 def _shown(value: Any) -> str:
     """A value of the wrong type: a short one as it is written."""
-    text, kind = repr(value), f"of type {type(value).__name__}"
+    count = f" of {len(value)} entries" if isinstance(value, tuple) else ""
+    text, kind = repr(value), f"of type {type(value).__name__}{count}"
     short = value is not None and len(text) <= _SHORT and "\n" not in text
     return f"= {text} {kind}" if short else kind

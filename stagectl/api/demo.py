@@ -15,7 +15,7 @@ from stagectl.api.record import MotionRecord
 from stagectl.api.stage import DesignedStage, load_stage
 from stagectl.config.wire_checks import OWN
 from stagectl.number_format import length
-from stagectl.report.page import Page, Picture, Table, write
+from stagectl.report.page import Page, Table, write
 from stagectl.units import StageError
 from stagectl.workflows.motion import check_not_interrupted, drive_present
 
@@ -55,7 +55,8 @@ def _pair(stage: DesignedStage, sine: str, output: Path, bar: Any, say: Say) -> 
 
 
 def _page(pairs: list[Pair], output: Path) -> Page:
-    from stagectl.report.figures import embedded, motion
+    from stagectl.report.figures import motion
+    from stagectl.report.interactive import picture
 
     peaks = [[record.summary["tracking_error"]["peak"] for record in pair] for pair in pairs]
     bare, worst = (max(each) for each in zip(*peaks, strict=True))
@@ -81,7 +82,7 @@ def _page(pairs: list[Pair], output: Path) -> Page:
             f"{cycles} control cycles, {late} of them late. The virtual plant moves one period per SYNC, so a late "
             "cycle does not disturb it; on a machine it would.",
         ],
-        [Picture(embedded(motion([figure])), caption) for figure, caption in zip(figures, captions, strict=True)],
+        [picture(motion([figure]), caption) for figure, caption in zip(figures, captions, strict=True)],
         [Table("Tracking error", _HEAD, [_row(*pair) for pair in pairs])],
         ["make run", *(f".venv/bin/stagectl replay {pair[1].path}" for pair in pairs)],
         narrow=True,

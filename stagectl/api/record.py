@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +20,7 @@ from stagectl.evaluation import evaluate, tracking_error
 from stagectl.extras import require
 from stagectl.kernels import rollout
 from stagectl.problem import Problem, ProblemKind
-from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, quantities, save
+from stagectl.recording.hdf5 import Recording, RecordingError, check_target, open_recording, quantities, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,13 +65,13 @@ class MotionRecord(PrintedResult):
     def units(self) -> dict[str, str]:
         """Unit of each column; empty for a pure number."""
         kind, known = self.recording.meta["axis"]["kind"], quantities()
-        return {name: known[name].unit_for(kind) if name in known else "" for name in self.columns}
+        return _OfColumns(self, ((name, known[name].unit_for(kind) if name in known else "") for name in self.columns))
 
     @cached_property
     def meanings(self) -> dict[str, str]:
         """Meaning of each column."""
         known = quantities()
-        return {name: known[name].meaning if name in known else "" for name in self.columns}
+        return _OfColumns(self, ((name, known[name].meaning if name in known else "") for name in self.columns))
 
     def __getitem__(self, name: str) -> Array:
         """A copy of one column (n,), the caller's own.  Raises RecordingError naming the columns there are."""
@@ -137,11 +137,24 @@ class MotionRecord(PrintedResult):
             raise RecordingError(problem._replace(file=target))
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.suffix == ".h5":
+            if target != self.path:  # of its own it is the same
+                check_target(target)
             save(target, self.recording.meta, self.samples, self.recording.ended, self.recording.complete)
             return target
         from stagectl.recording.exports import export
 
         return export([self.recording], target.suffix.removeprefix("."), target)[0].path
+
+
+class _OfColumns(dict[str, str]):
+    """A word on each column of a record; a name that is no column is refused as the record refuses it."""
+
+    def __init__(self, record: MotionRecord, words: Iterable[tuple[str, str]]) -> None:
+        super().__init__(words)
+        self._record = record
+
+    def __missing__(self, name: str) -> str:
+        return str(self._record[name])  # raises: it has no such column
 
 
 class RecordFolder(Sequence[MotionRecord], PrintedResult):

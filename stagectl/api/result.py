@@ -62,7 +62,8 @@ class PrintedResult(ABC):
         def __getattr__(self, name: str) -> Any:
             """Say what there is, where there is nothing of this `name`."""
             public = ", ".join(word for word in dir(type(self)) if not word.startswith("_"))
-            there = "" if name.startswith("_") else f": it has {public}"
+            held = f'write ["{name}"]' if not name.startswith("_") and _holds(self, name) else f"it has {public}"
+            there = "" if name.startswith("_") else f": {held}"
             raise AttributeError(f"{type(self).__name__} has no {name}{there}", name=name, obj=self)
 
     def __repr__(self) -> str:
@@ -104,6 +105,15 @@ class ReportedResult(PrintedResult):
             return write(self.page(), target)
         write_json(target, self.to_json())
         return target
+
+
+def _holds(result: Any, name: str) -> bool:
+    """Whether a result has an entry of this name."""
+    try:
+        result[name]
+    except (StageError, LookupError, TypeError, AttributeError):  # none of this name, or none at all
+        return False
+    return True
 
 
 def drawn(drawings: Mapping[str, Callable[[], Figure]], what: str) -> Figure:

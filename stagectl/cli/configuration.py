@@ -16,6 +16,7 @@ from stagectl.units import StageError
 
 if TYPE_CHECKING:
     from stagectl.config.stage_blocks import StageFile
+    from stagectl.config.stage_file import Setup
 
 config = typer.Typer(help="Check configuration files, export their JSON schema.", no_args_is_help=True)
 
@@ -28,13 +29,22 @@ def check(files: Annotated[list[Path], argument("FILE...", "Stage and trajectory
     """
     without_compiler()
     stages = [path for path in files if _is_stage(path)]
-    machine = stages[0] if len(stages) == 1 else None  # of several, nobody knows which one is to move
+    machine = _machine(stages[0]) if len(stages) == 1 else None  # of several, nobody knows which one is to move
     results = [{"file": str(path), **_check(path, machine)} for path in files]
     emit({"files": results}, json)
     raise typer.Exit(max(result["code"] for result in results))
 
 
-def _check(path: Path, machine: Path | None) -> dict[str, Any]:
+def _machine(path: Path) -> Setup | None:
+    """The stage that is to move; None where it is not one, which its own line says."""
+    from stagectl.config.stage_file import load_stage
+
+    with contextlib.suppress(StageError):
+        return load_stage(path)
+    return None
+
+
+def _check(path: Path, machine: Setup | None) -> dict[str, Any]:
     from rich.text import Text
 
     from stagectl.config.machine_file import axes_of
@@ -81,7 +91,7 @@ def _is_stage(path: Path) -> bool:
     return False
 
 
-def _known(path: Path, machine: Path | None = None) -> tuple[str, list[str]]:
+def _known(path: Path, machine: Setup | None = None) -> tuple[str, list[str]]:
     """What a valid file says, and warnings; a trajectory must keep to the limits of the `machine`, if there is one."""
     from stagectl.config.trajectory_file import load_free
     from stagectl.trajectories import phases
@@ -92,18 +102,13 @@ def _known(path: Path, machine: Path | None = None) -> tuple[str, list[str]]:
     return f"trajectory of {duration:.4g} s{_on(path, machine) if machine else ''}", []
 
 
-def _on(path: Path, machine: Path) -> str:
-    from stagectl.config.stage_file import load_stage
+def _on(path: Path, machine: Setup) -> str:
     from stagectl.config.trajectory_file import axis_of, load_trajectory
     from stagectl.motion_limits import check_limits
     from stagectl.trajectories import phases
 
-    try:
-        setup = load_stage(machine)
-    except StageError:  # said of its own line
-        return ""
-    check_limits(setup, phases(load_trajectory(path, axis_of(setup))).motion)
-    return f", within the limits of {machine}"
+    check_limits(machine, phases(load_trajectory(path, axis_of(machine))).motion)
+    return f", within the limits of {machine.path}"
 
 
 def _stage(path: Path) -> tuple[str, list[str]]:

@@ -177,6 +177,8 @@ def _in_words(reason: str, mark: yaml.Mark, lines: list[str]) -> str:
         return "a tab; YAML indents with spaces: replace each tab by two"
     if reason == "but found another document":
         return "a second document begins here; a file holds one: remove the `---`"
+    if reason == "mapping values are not allowed here":
+        return "a second `:` on the line: one entry a line, or all of them in { }, and a text with a colon in quotes"
     if not reason.startswith("expected <block end>"):
         return f"{reason}; {_CHECK}"
     if united := _UNIT_OF_LIST.search(lines[mark.line] if mark.line < len(lines) else ""):
@@ -184,6 +186,8 @@ def _in_words(reason: str, mark: yaml.Mark, lines: list[str]) -> str:
         return f"words behind a list; each value has its own unit: write [{meant}]"
     above = next((line for line in reversed(lines[: mark.line]) if line.strip()), "")
     indent = len(above) - len(above.lstrip())
+    if above.lstrip().startswith("- ") and mark.column == indent:
+        return "an item of a list begins with `- `, as in the line above it, and an entry after the list further left"
     return f"indented by {mark.column}, the line above it by {indent}; align what belongs together"
 
 

@@ -125,6 +125,7 @@ def _recorded(entry: Csv, source: _Source, place: str) -> trajectories.Recorded:
         raise ConfigError(*(problem._replace(file=path, line=1) for problem in error.problems)) from error
     scale = _scale(columns.unit, source.axis, path)
     samples = [_sample(row, columns, path) for row in rows]
+    _check_order(path, [line for line, _ in rows], [time for time, _ in samples])
     run = _part(entry.part, [time for time, _ in samples], path)
     times, positions = [time for time, _ in samples[run]], [position * scale for _, position in samples[run]]
     return trajectories.Recorded(times, positions, entry.run_up, entry.run_out)
@@ -170,6 +171,13 @@ def _sample(row: Row, columns: trajectories.Columns, path: Path) -> tuple[float,
     if not all(map(_NUMBER.fullmatch, cells)):
         raise malformed(path, f"a row must hold numbers for time and position, not {cells}", line)
     return float(cells[0]), float(cells[1])
+
+
+def _check_order(path: Path, lines: list[int], times: list[float]) -> None:
+    """Refuse a row that is no later than the one before it, by its line."""
+    for line, before, time in zip(lines[1:], times, times[1:], strict=False):
+        if time <= before:
+            raise malformed(path, f"time {time:g} s follows {before:g} s: sort the rows by time, each time once", line)
 
 
 def _part(part: tuple[float, float] | None, times: list[float], path: Path) -> slice:

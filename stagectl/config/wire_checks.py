@@ -8,7 +8,7 @@ from stagectl.config.bounds import DELAY_LINE, FIRST_OBJECT, LAST_OBJECT, PER_MI
 from stagectl.config.stage_blocks import StageFile
 from stagectl.drives import cycle_time
 from stagectl.drives.drive import Canopen, Odrive, offered
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, absent
 from stagectl.units import LINEAR
 
 OWN = Path(__file__).parents[2] / "config"  # of the checkout
@@ -66,8 +66,8 @@ def _exists(path: Path) -> bool:
 
 def _objects(wire: Canopen, path: Path) -> Iterator[Problem]:
     if not _exists(eds_path(wire.eds, path)):
-        reason = f"no such file; the path is relative to {path.parent}"
-        yield Problem(reason, ProblemKind.FILE, "drive.wire.eds", wire.eds)
+        reason, remedy = f"the path is relative to {path.parent}", absent(path.parent / wire.eds)
+        yield Problem(reason, ProblemKind.FILE, "drive.wire.eds", wire.eds, remedy=remedy)
     elif not _is_eds(eds_path(wire.eds, path)):
         reason, remedy = "must be an EDS or DCF file", "name the file that came with the drive"
         yield Problem(reason, ProblemKind.FILE, "drive.wire.eds", wire.eds, remedy=remedy)

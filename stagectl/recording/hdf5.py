@@ -36,10 +36,10 @@ from stagectl.recording.content import HDF5_SIGNATURE, foreign, not_hdf5
 from stagectl.recording.file_lock import RecordingError as RecordingError
 from stagectl.recording.file_lock import beginning, being_written, claimed
 from stagectl.recording.in_memory import Recording as Recording
-from stagectl.recording.in_memory import column_attributes
+from stagectl.recording.in_memory import column_attributes, of_a_machine
 from stagectl.recording.in_memory import quantities as quantities
 from stagectl.recording.packing import Packed, Packer, layout
-from stagectl.replacing import check_ending, check_is_file, check_replaceable
+from stagectl.replacing import check_ending, check_is_file, check_replaceable, left_as_it_is
 from stagectl.units import StageError
 
 FORMAT, _READ = "stagectl-recording/2", ("stagectl-recording/1", "stagectl-recording/2")
@@ -157,6 +157,10 @@ def check_target(path: Path) -> None:
     """Raise RecordingError where no recording can be written: for its name, or for what is there."""
     check_name(path)
     _check_kind(path)
+    if path.is_file() and path.stat().st_size:
+        with _of_recordings(), _opened(path) as file:
+            if of_a_machine(json.loads(file.attrs["meta"])):  # a simulation is soon repeated, and that is not
+                raise left_as_it_is(path, "holds what a machine has done")
 
 
 def _check_kind(path: Path) -> None:

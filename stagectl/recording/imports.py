@@ -20,7 +20,7 @@ from stagectl.recording.columns import Array, Log, Stated, without
 from stagectl.recording.constants import ROWS_TO_USE
 from stagectl.recording.content import stranger
 from stagectl.recording.csv_layout import is_table
-from stagectl.recording.hdf5 import Recording, RecordingError, check_name, open_recording, save
+from stagectl.recording.hdf5 import Recording, RecordingError, check_target, open_recording, save
 from stagectl.recording.metadata import STAMP, versions
 from stagectl.recording.repair import repaired
 from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, read_values
@@ -107,7 +107,7 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
     base = output or Path("recordings") / (source.name if source.is_dir() else f"{source.stem}.h5")
     targets = [base / f"{recording.path.stem}.h5" if source.is_dir() else base for recording in recordings]
     for target in targets:
-        check_name(target)
+        check_target(target)
     if there := [target for target in targets if target.exists()]:
         reason = f"{there[0]} exists and is left as it is: choose another place with -o"
         raise RecordingError(reason, there[0], ProblemKind.CONFLICT)

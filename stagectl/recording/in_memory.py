@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
@@ -51,6 +51,12 @@ class Recording(NamedTuple):
             reason = f"{self.path} has no column {name}; {meant(name, names, 'it has')}"
             raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)
         return np.asarray(self.samples[name], dtype=np.float64)
+
+
+def of_a_machine(meta: Mapping[str, Any]) -> bool:
+    """Whether a real drive has moved for it: no simulation, no virtual drive, no import."""
+    drive = str(meta.get("drive", {}).get("drive", "simulated"))
+    return not drive.startswith("simulated") and " on embedded " not in drive
 
 
 def given_twice(name: str) -> str:

@@ -144,8 +144,8 @@ def _column(axes: NDArray[Any], pair: Pair) -> None:
     inside = (pair.compensated["time"] >= pair.steady[0]) & (pair.compensated["time"] < pair.steady[1])
     _room(compensated, _error(pair.compensated, pair)[inside] * 1e9, 2.5)
     compensated.set_ylabel("error with\ncompensation [nm]")
-    _line(current, pair.without, pair.without["current"], WITHOUT)
-    _line(current, pair.compensated, pair.compensated["current"], WITH)
+    _line(current, pair.without, pair.without["current"], WITHOUT, "without compensation")
+    _line(current, pair.compensated, pair.compensated["current"], WITH, "with compensation")
     current.set(ylabel="current [A]", xlabel="time [s]")
     for axis in axes:
         axis.axvspan(*pair.steady, color="#f1f5f9", zorder=-1)

@@ -63,9 +63,11 @@ function mark(plot, panel) {
     said.push({ height, right: edge + ctx.measureText(label).width + 12 * scale });
   }
   for (const { x, y, offset, words, colour } of panel.notes) {
-    ctx.fillStyle = colour;
-    const last = bbox.left + bbox.width - ctx.measureText(words).width;  // the farthest place that shows all of them
-    ctx.fillText(words, Math.min(across(x, 0) + offset[0] * 4 / 3 * scale, last), up(y, 0) - offset[1] * 4 / 3 * scale);
+    const at = across(x, 0), within = (value, low, high) => Math.min(Math.max(value, low), high);
+    if (at < bbox.left - 1 || at > bbox.left + bbox.width + 1) continue;  // the zoom leaves its place out
+    ctx.fillStyle = colour;  // where all of it is seen
+    const left = within(at + offset[0] * 4 / 3 * scale, bbox.left, bbox.left + bbox.width - ctx.measureText(words).width);
+    ctx.fillText(words, left, within(up(y, 0) - offset[1] * 4 / 3 * scale, bbox.top + 12 * scale, bbox.top + bbox.height - 4 * scale));
   }
   ctx.restore();
 }

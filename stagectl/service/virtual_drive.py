@@ -3,6 +3,7 @@
 import contextlib
 import math
 import os
+import re
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,6 +26,7 @@ from stagectl.service.child_process import PYTHON, environment
 
 VELOCITY_LOOP = 20.0  # Hz, of the virtual drive's own stops
 _READY = "virtual drive"
+_SOCKETCAN = re.compile(r"v?can[0-9]+")  # what the kernel calls its interfaces
 
 
 def answers(wire: Canopen, patience: float = 0.2) -> bool:
@@ -61,7 +63,8 @@ def present(setup: Setup, say: Callable[[str], object]) -> Iterator[None]:
             f"the virtual drive reads its stage from a file, and this version of {setup.path} is in memory only: "
             "save it first, `stage = stage.save('my-stage.yaml')`"
         )
-    say(f"no drive answers on the embedded bus `{wire.channel}`: starting a virtual one")
+    real = f" (`interface: socketcan` is the computer's {wire.channel})" if _SOCKETCAN.match(wire.channel) else ""
+    say(f"no drive answers on the embedded bus `{wire.channel}`{real}: starting a virtual one")
     machine = setup.file.virtual_drive.machine_of_the_day
     process = start(setup.path, wire.channel, setup.file.simulation.seed, machine)
     try:

@@ -102,8 +102,6 @@ def same_site(home: bool) -> Check:
     def refused(scope: Any) -> Answer | None:
         if scope["type"] not in ("http", "websocket") or _ours(dict(scope["headers"]), home):
             return None
-        if scope["type"] == "websocket":
-            return _closed
         return refusal(
             403, "the request comes from the page of another site: open the address that `stagectl page` prints"
         )
@@ -116,10 +114,6 @@ def _ours(headers: dict[bytes, bytes], home: bool) -> bool:
     if not origin:
         return True
     return origin.partition("://")[2] == host and (not home or urlsplit(f"//{host}").hostname in _HOME)
-
-
-async def _closed(scope: Any, receive: Any, send: Any) -> None:
-    await send({"type": "websocket.close", "code": 1008})
 
 
 def secret(path: Path) -> str:

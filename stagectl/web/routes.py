@@ -17,7 +17,7 @@ from stagectl.service.recordings import LONGEST
 from stagectl.service.service import Service
 from stagectl.web import assets, virtual_faults
 from stagectl.web.access_control import Permission
-from stagectl.web.bodies import Strict, first_ended, for_client
+from stagectl.web.bodies import Strict, first_ended, for_client, refusal
 from stagectl.web.channels import channels, described
 from stagectl.web.export import Exports
 from stagectl.web.limits import AXIS_NAME, FILE_NAME, KEY_TIME, PATH_PART, REACHED_BACK, RECORDED
@@ -25,6 +25,7 @@ from stagectl.web.seats import leaves, seated, stays
 from stagectl.web.status_feed import StatusFeed
 from stagectl.web.viewer import Viewer
 
+LIVE = "/v1/live"
 STATIC = Path(__file__).parent / "static"
 _VIEWERS = {Permission.READ: READING_VIEWERS, Permission.MOVE: MOVING_VIEWERS}
 _UNASKED = 1008, 1013  # close codes: who may not, too many
@@ -163,7 +164,7 @@ def _live(app: FastAPI, service: Service) -> None:
     viewers: dict[Viewer, Permission] = {}
     feed = StatusFeed(service)
 
-    @app.websocket("/v1/live")
+    @app.websocket(LIVE)
     async def live(link: WebSocket) -> None:
         try:
             with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # it has gone
@@ -171,6 +172,11 @@ def _live(app: FastAPI, service: Service) -> None:
                 await seen(link, await _may(link))
         finally:
             leaves(link.scope)
+
+    @app.websocket("/{path:path}")
+    async def elsewhere(link: WebSocket) -> None:
+        words = f"{link.url.path}: there is no live connection here; connect to {LIVE}"
+        await link.send_denial_response(refusal(404, words))
 
     async def seen(link: WebSocket, may: Permission) -> None:
         if may is Permission.NOTHING:

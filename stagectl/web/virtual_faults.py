@@ -18,10 +18,10 @@ from stagectl.web.limits import AXIS_NAME, FILE_NAME, QUANTITY, TABLES
 
 
 class Injection(Strict):
-    """A fault of the virtual drive; without a name all of them end."""
+    """A fault of the virtual drive; an empty name ends all of them."""
 
     axis: Annotated[str, Field(max_length=AXIS_NAME)] = ""
-    fault: Annotated[str, Field(max_length=FILE_NAME, examples=["encoder-stuck"])] = ""
+    fault: Annotated[str, Field(max_length=FILE_NAME, examples=["encoder-stuck"])]
     parameters: list[Annotated[str, Field(max_length=QUANTITY, examples=["duration=0.5 s"])]] = Field(
         default_factory=list, max_length=TABLES
     )

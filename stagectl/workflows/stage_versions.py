@@ -33,7 +33,8 @@ def back(stage: Path) -> Path:
     """Put the last version back in the place of the stage file; where it stood.  Raises StageError without one."""
     versions = _versions(stage)
     if not versions:
-        raise StageError(f"{stage} has no earlier version: {_folder(stage)} is empty or not there")
+        reason = f"{stage} has no earlier version: {_folder(stage)} is empty or not there"
+        raise StageError(f"{reason}; the stage file is as it was")
     shutil.copy2(versions[-1] / stage.name, stage)
     shutil.rmtree(versions[-1])
     return versions[-1]

@@ -20,7 +20,10 @@ MISTAKES = {
     "load_stage": (lambda s: sc_.load_stage({"name": "x"}), "path = {'name': 'x'} of type dict; must be a path"),
     "text": (lambda s: sc_.load_stage(s.text), "cannot be the path of a file"),
     "pair": (lambda s: sc_.load_trajectory([TIMES, TIMES]), "a tuple (time, position)"),
-    "triple": (lambda s: sc_.load_trajectory((TIMES, TIMES, TIMES)), "source of type tuple; must be a path or a tuple"),
+    "triple": (
+        lambda s: sc_.load_trajectory((TIMES, TIMES, TIMES)),
+        "source of type tuple of 3 entries; must be a path or a tuple (time, position)",
+    ),
     "words": (lambda s: sc_.load_trajectory((["a"], ["b"])), "source holds what is no number"),
     "stage": (lambda s: sc_.load_trajectory(SINE, STAGE), "must be what load_stage returned"),
     "without": (lambda s: sc_.simulate(s, SINE, without=None), "must be text or a list of text"),
@@ -46,6 +49,7 @@ MISTAKES = {
         "friction must take (velocity",
     ),
     "units in numbers": (lambda s: sc_.load_trajectory(("5 mm", "1 Hz")), "must be numbers: (time, position) in SI"),
+    "a column that is none": (lambda s: sc_.simulate(s, SINE).units["eror"], "did you mean error?"),
     "degrees": (lambda s: sc_.tune(s, margin=30), "in degrees write '30 deg'"),
     "no capture": (lambda s: sc_.identify(s, []), "no capture was given"),
     "ending": (lambda s: s.save("x.txt"), "path x.txt; must end in .yaml"),
@@ -95,6 +99,12 @@ def test_it_is_refused_by_name(name: str) -> None:
     with pytest.raises(sc.StageError) as refused:
         call(sc.load_stage(STAGE))
     assert words in str(refused.value)
+
+
+def test_an_entry_that_is_taken_for_an_attribute_is_shown_as_it_is_written() -> None:
+    with pytest.raises(AttributeError) as refused:
+        sc_.simulate(STAGE, SINE).error  # noqa: B018
+    assert 'write ["error"]' in str(refused.value)
 
 
 def test_columns_are_an_argument_in_python(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from unittest.mock import Mock
 
 import jsonschema
 import pytest
@@ -28,6 +29,18 @@ def test_everything_that_is_shipped_is_good(command: Command) -> None:
     assert "ball-screw stage A, bandwidth 40 Hz at 0.5 ms; phase margin 25.8 deg (at least 20)" in err
     assert "travel -50 mm to 50 mm, 300 mm/s, 15 A" in err
     assert "sine-0.8hz.yaml: trajectory of 5 s" in err  # 2 periods and 2 ramps at 0.8 Hz
+
+
+def test_the_stage_of_many_trajectories_is_read_twice(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once to be checked itself, once for all that must keep to its limits."""
+    from stagectl.config import stage_file
+
+    load = Mock(wraps=stage_file.load_stage)
+    monkeypatch.setattr(stage_file, "load_stage", load)
+    sines = [path for path in MOTIONS if path.name.startswith("sine")]
+    code, _, err = command("config", "check", CONFIG / "ball-screw.yaml", *sines)
+    assert code == 0 and err.count("within the limits of") == len(sines)
+    assert load.call_count == 2
 
 
 def test_the_margin_is_that_of_the_loop_with_its_observer(command: Command, tmp_path: Path) -> None:

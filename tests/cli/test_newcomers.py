@@ -58,6 +58,7 @@ FILES: dict[str, bytes] = {
     "fake.h5": b"not HDF5",
     "short.h5": b"\x89HDF\r\n\x1a\n\x03",
     "cut.h5": b"\x89HDF\r\n\x1a\n\x03\x08\x08\x00" + bytes(16) + (509003).to_bytes(8, "little") + bytes(100),
+    "dash.yaml": b"type: sequence\nparts:\n  - {type: dwell, duration: 1 s}\n  type: dwell\n",
     "other.json": b'{"a": 1}',
     "picture.json": b"\x89PNG\r\n",
     "half.json": b'{\n "content": {',
@@ -101,6 +102,8 @@ LOGS = {
 # The words typed after `stagectl`; the place that must be named; the exit code.
 MISTAKES = [
     (f"simulate config/ballscrew.yaml {T}", "did you mean config/ball-screw.yaml?", 2),
+    (f"simulate https://example.com/stage.yaml {T}", "download it first", 2),
+    (f"drive accept {S} --yes --person me --current 100A", "--current is 100 A", 2),
     (f"simulate {S} config/trajectories/sine-16hz.yaml", "sine-16hz.yaml", 2),
     (f"simulate config {T}", "config is not a file", 2),
     (f"run {S} config/trajectories", "config/trajectories", 2),
@@ -119,8 +122,9 @@ MISTAKES = [
     ("config check twice.yaml", "mechanics.viscous", 1),
     ("config check negative.yaml", "mechanics.inertia", 1),
     ("config check turned.yaml", "limits.travel", 1),
-    (f"run eds.yaml {T}", "drive.wire.eds", 2),
+    (f"run eds.yaml {T}", "see `ls config/drives`", 2),
     (f"simulate {S} glued.yaml", "a blank after the colon is missing: write 'amplitude: 5 mm' (glued.yaml:2)", 2),
+    (f"simulate {S} dash.yaml", "an item of a list begins with `- `", 2),
     (f"simulate {S} circle.yaml", "type = circle", 2),
     (f"simulate {S} far.yaml", "limits.travel", 2),
     (f"simulate {S} {T} --without fricton", "--without fricton", 2),

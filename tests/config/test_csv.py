@@ -48,7 +48,7 @@ def test_usual_dialects_are_read(tmp_path: Path, data: str) -> None:
         (GOOD.encode().replace(b"time_s", b"time"), ":1"),
         (b"time_s,time_s,reference_mm\n0,0,0\n", ":1"),
         (GOOD.replace(",", ";").replace(".", ",").encode(), ":1"),
-        (GOOD.encode().replace(b"0.3,", b"0.2,"), ""),
+        (GOOD.encode().replace(b"0.3,", b"0.2,"), ":5"),
         (b"time_s,reference_mm\n0,0\n1,1\n", ""),
         (b'time_s,reference_mm\n0,"0\n' * 3, ":"),
     ],

@@ -156,6 +156,13 @@ MISTAKES = {
         kind=Kind.SYNTAX,
         reason="indented by 1, the line above it by 2; align what belongs together",
     ),
+    "all in a line": Mistake(
+        "  lead: 12 mm",
+        "  lead: 12 mm, kind: rotary",
+        "lead:",
+        kind=Kind.SYNTAX,
+        reason="a second `:` on the line: one entry a line, or all of them in { }, and a text with a colon in quotes",
+    ),
     "decimal comma": Mistake(
         "lead: 12 mm",
         "lead: 12,5 mm",

@@ -97,6 +97,18 @@ def explored(tmp_path: Path) -> Iterator[Any]:
     assert wrong == []
 
 
+# What a canvas shows as words, each with whether all of it is seen; the last of them under each name.
+WORDS = """
+window.words = {};
+const say = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (words, x, y, ...others) {
+  const right = x + this.measureText(words).width, { width, height } = this.canvas;
+  window.words[words] = x >= 0 && right <= width && y >= 0 && y <= height;
+  return say.call(this, words, x, y, ...others);
+};
+"""
+
+
 def drawn(shown: Any) -> list[str]:
     """The picture of each plot's canvas: it changes when the plot shows another time."""
     pictures: list[str] = shown.evaluate("[...document.querySelectorAll('.plots canvas')].map((c) => c.toDataURL())")
@@ -148,22 +160,31 @@ def test_the_figures_of_a_tuning_zoom_over_the_frequency(tuned: Path, width: int
         view = chromium.new_page(viewport={"width": width, "height": 900})
         wrong: list[str] = []
         view.on("pageerror", lambda error: wrong.append(str(error)))
+        view.add_init_script(WORDS)
         view.goto(tuned.as_uri())
         assert view.locator("figure img:visible").count() == 1
         assert view.evaluate("document.documentElement.scrollWidth") <= width
         plots = view.evaluate(
             "[...document.querySelectorAll('[data-plot]')].map((place) => JSON.parse(place.dataset.plot))"
         )
+        assert view.locator("h2", has_text="How to do it again").count() == 0  # Python made it, no command
         notes = [note["words"] for plot in plots for panel in plot for note in panel["notes"]]
         assert sum(note.startswith("PM ") for note in notes) == 1 and any(note.startswith("Ms ") for note in notes)
         if SHOTS:
             view.screenshot(path=str(Path(SHOTS) / f"tune-{width}.png"), full_page=True)
         whole = drawn(view)
-        view.locator(".plots > div").first.focus()
-        view.keyboard.press("+")
-        view.wait_for_timeout(200)
+        for plot in view.locator(".plots > div").all():
+            plot.focus()
+            for key in ("+", "+", "ArrowRight"):
+                view.evaluate("window.words = {}")
+                view.keyboard.press(key)
+                view.wait_for_timeout(200)
+                words = view.evaluate("window.words")
+                assert all(words[note] for note in notes if note in words)  # whole, or not at all
         assert drawn(view) != whole
-        view.keyboard.press("0")
+        for plot in view.locator(".plots > div").all():
+            plot.focus()
+            view.keyboard.press("0")
         view.wait_for_timeout(200)
         assert drawn(view) == whole
         chromium.close()

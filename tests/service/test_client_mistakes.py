@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, unix_connect
 
 from stagectl.problem import ProblemKind
@@ -59,6 +60,13 @@ def test_a_message_of_bytes_is_answered_as_any_other_that_is_none(machine: Serve
         link.send('{"strip": {"channels": ["banana"]}}')  # the connection goes on
         assert "banana" in error(link)
     assert "Traceback" not in machine.log
+
+
+def test_a_live_connection_at_another_path_is_told_where_it_belongs(machine: Served) -> None:
+    with pytest.raises(InvalidStatus) as caught:
+        unix_connect(str(machine.socket), uri="ws://localhost/live")
+    answer = caught.value.response
+    assert answer.status_code == 404 and b"/v1/live" in answer.body
 
 
 @pytest.mark.parametrize("size", [100_000, 5_000_000])

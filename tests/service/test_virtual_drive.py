@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
+from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError
 from stagectl.service import virtual_drive
 from tests.conftest import ROOT
@@ -52,3 +54,15 @@ def test_a_drive_that_does_not_start_is_an_error_with_its_words(
     instead(monkeypatch, tmp_path, "print('node 5 is there already')")
     with pytest.raises(DriveError, match="node 5 is there already"):
         virtual_drive.start(tmp_path / "stage.yaml", "nowhere", 1)
+
+
+def test_a_channel_with_the_name_of_a_real_one_is_told_from_it(
+    monkeypatch: pytest.MonkeyPatch, ball_screw: Setup
+) -> None:
+    monkeypatch.setattr(virtual_drive, "wanted", lambda wire: True)
+    monkeypatch.setattr(virtual_drive, "start", Mock())
+    said: list[str] = []
+    for channel in ("can0", "bench"):
+        with virtual_drive.present(ball_screw.with_wire(channel=channel), said.append):
+            pass
+    assert ["socketcan" in words for words in said] == [True, False]

@@ -22,7 +22,7 @@ KEYS = Keys(TOKEN, KEY, token_moves=False)
 def asked(
     app: Any, method: str = "GET", path: str = "/v1/status", kind: str = "http", **headers: str
 ) -> tuple[int, Any]:
-    """Status of the answer, and the scope as it came through; 0 for a live connection that was refused."""
+    """Status of the answer, and the scope as it came through."""
     through: list[dict[str, Any]] = []
     sent: list[dict[str, Any]] = []
 
@@ -39,7 +39,7 @@ def asked(
     raw = [(name.lower().encode(), value.encode()) for name, value in headers.items()]
     scope = {"type": kind, "method": method, "path": path, "headers": raw}
     asyncio.run(app(inner)(scope, receive, send))
-    return sent[0].get("status", 0), through[0] if through else None
+    return sent[0]["status"], through[0] if through else None
 
 
 def keyed(inner: Any) -> Answer:
@@ -101,7 +101,7 @@ def test_no_other_site_speaks_for_the_user(home: bool, host: str, origin: str, s
     header = {"host": host} | ({"origin": origin} if origin else {})
     assert asked(lambda inner: guarded(inner, same_site(home)), "POST", "/v1/enable", **header)[0] == status
     live = asked(lambda inner: guarded(inner, same_site(home)), path="/v1/live", kind="websocket", **header)
-    assert (live[1] is not None) == (status == 200)
+    assert live[0] == status and (live[1] is not None) == (status == 200)
 
 
 def test_a_secret_is_its_owners(tmp_path: Path) -> None:

@@ -119,6 +119,7 @@ def test_an_entry_is_named_in_words() -> None:
         ("/v1/move", b'{"to": {}, "wait": "yes"}', "body.wait: must be true or false"),
         ("/v1/move", b'{"to": {"axis": "1 mm"}, "speed": ""}', "body.speed: must not be empty"),
         ("/v1/virtual/faults", b'{"parameters": {}}', "body.parameters: must be a list"),
+        ("/v1/virtual/faults", b"{}", "body.fault"),  # an empty name ends all faults, none does nothing
         ("/v1/move", b"{targets: 5}", "body, character 2: "),
     ],
 )

@@ -67,8 +67,10 @@ class Workbench:
                 place="mechanics.bias",
                 value=setup.stage.mechanics.bias,
             )
-        current = _test_current(setup) if current is None else current
-        check_current(setup, current)
+        if current is None:
+            check_current(setup, current := _test_current(setup), "the current that the friction needs")
+        else:
+            check_current(setup, current, "--current")
         return cls(setup.with_wire(reset="none"), current)
 
     @property
