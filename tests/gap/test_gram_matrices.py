@@ -145,3 +145,14 @@ def test_without_a_clock_the_noise_is_what_repeats_differ_by() -> None:
     residuals = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)]]
     floor = gram_matrices.fold_sums(p, residuals).floor.sum(axis=0)
     np.testing.assert_allclose(gram_matrices.noise(p, residuals), floor)
+
+
+def test_the_products_kept_do_not_grow_with_the_number_of_half_strokes() -> None:
+    """A leg that hops for minutes makes thousands of them, and each would hold a matrix of all columns."""
+    source = np.random.default_rng(13)
+    run, x = _run(source), _columns(source)
+    many = run._replace(cluster=np.arange(ROWS))
+    few, most = (gram_matrices.products([each], [x], "own").parts[0] for each in (run, many))
+    assert [array.nbytes for block in few.blocks for array in block] == [
+        array.nbytes for block in most.blocks for array in block
+    ]

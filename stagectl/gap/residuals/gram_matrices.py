@@ -1,4 +1,4 @@
-"""All that a fit needs to know of the data, in one small matrix for each half stroke.
+"""All that a fit needs to know of the data, in one small matrix for each fold or half stroke.
 
 With columns X and residual r of a half stroke c, ``G_c = [X r]' [X r]``, summed over the repeats.  Sums of these give
 any fit, on any part of the data, to any set of columns, without touching the rows again.  Leaving out an experiment,
@@ -10,7 +10,6 @@ resampling half strokes or trying thousands of sets therefore costs microseconds
                                                                                    --> fold_sums: summed over the folds
 """
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -20,7 +19,7 @@ from scipy.stats import t as student_t
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import least_squares, run_products
-from stagectl.gap.residuals.half_strokes import Run, spans
+from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.run_products import RunProducts
 from stagectl.gap.residuals.thresholds import LEAST_BLOCKS, SINGULAR_NUISANCE
 from stagectl.number_format import NORMAL as NORMAL
@@ -92,33 +91,18 @@ def selected(p: Products, names: Sequence[str]) -> Products:
 
 
 def grams(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
-    """The matrices of all half strokes, with the residuals (m, 2) of each run and repeat."""
-    counts = [len(spans(part.run.cluster)) for part in p.parts]
-    squares, floors = np.empty((2, sum(counts), len(p.names) + 1, len(p.names) + 1)), np.empty((2, sum(counts)))
-    ranges = [slice(*ends) for ends in itertools.pairwise(itertools.accumulate(counts, initial=0))]
-
-    def fill(part: RunProducts, repeats: Sequence[Array], span: slice) -> None:
-        last = run_products.residual_column(part, repeats)
-        floors[:, span] = last.floor
-        run_products.fill(squares[:, span], part, last, folded=False)
-
-    in_parallel(lambda run: fill(*run), zip(p.parts, residuals, ranges, strict=True))
-    experiment = np.repeat(np.arange(len(counts)), counts)
+    """The matrices of all half strokes, with the residuals (m, 2) of each run and repeat; for a few columns."""
+    found = in_parallel(lambda run: run_products.of_strokes(*run), list(zip(p.parts, residuals, strict=True)))
+    square, floor = (np.concatenate([run[k] for run in found], axis=1) for k in (0, 1))
+    counts = [run.floor.shape[1] for run in found]
     stroke = np.concatenate([np.arange(count) for count in counts])
-    return Grams(p.names, squares[0], squares[1], floors.T, experiment, stroke)
+    return Grams(p.names, square[0], square[1], floor.T, np.repeat(np.arange(len(counts)), counts), stroke)
 
 
 def fold_sums(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     """`grams` summed over the two folds at once: all that a score needs, for a tenth of the work."""
-
-    def of_run(part: RunProducts, repeats: Sequence[Array]) -> tuple[Array, Array]:
-        last = run_products.residual_column(part, repeats)
-        square = np.empty((2, 2, len(p.names) + 1, len(p.names) + 1))
-        run_products.fill(square, part, last, folded=True)
-        return square, run_products.fold_sums(last.floor)
-
-    sums = in_parallel(lambda run: of_run(*run), zip(p.parts, residuals, strict=True))
-    square, floor = (np.sum([run[k] for run in sums], axis=0) for k in (0, 1))
+    found = in_parallel(lambda run: run_products.of_folds(*run), list(zip(p.parts, residuals, strict=True)))
+    square, floor = (np.sum([run[k] for run in found], axis=0) for k in (0, 1))
     return Grams(p.names, square[0], square[1], floor.T, np.zeros(2, np.int64), np.array(FOLDS))
 
 

@@ -1,4 +1,6 @@
-"""Products of the columns of one run, for each of its half strokes and summed over its two folds.
+"""Products of the columns of one run: of its two folds once for all, of its half strokes where they are wanted.
+
+A long log has thousands of half strokes: a matrix of all columns for each of them would fill the memory.
 
 Most columns are the same in every repeat.  A column that runs on the session clock is not; it counts by its mean over
 the repeats and by each repeat's deviation from it: ``sum_k X_k' X_k = n X' X + sum_k dX_k' dX_k``.
@@ -13,13 +15,14 @@ from numpy.typing import NDArray
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.half_strokes import Run, spans
 
+Parts = Sequence[slice | NDArray[np.int64]]  # samples that belong together
+
 
 class Block(NamedTuple):
     """Some columns of one run, with their products with all columns of the blocks before and with themselves."""
 
     mean: NDArray[np.float32]  # (2, q, m) weighted, less their part along `own`; single precision: they fill the memory
-    square: Array  # (2, c, p + q, q)
-    folds: Array  # (2, 2, p + q, q) the same, summed over the folds
+    folds: Array  # (2, 2, p + q, q)
 
 
 class ClockColumns(NamedTuple):
@@ -27,15 +30,7 @@ class ClockColumns(NamedTuple):
 
     places: tuple[int, ...]
     deviation: Array  # (n, 2, q, m) of each repeat from the mean
-    square: Array  # (2, c, q, q) products of the deviations, summed over the repeats
-
-
-class ResidualColumn(NamedTuple):
-    """The residual's products with all columns and with itself: the last column of the Gram matrices."""
-
-    products: Array  # (2, c, p + 1, 1), summed over the repeats
-    floor: Array  # (2, c) sum of squares that repeats differ by
-    repeats: int
+    folds: Array  # (2, 2, q, q) products of the deviations, summed over the repeats
 
 
 class RunProducts(NamedTuple):
@@ -65,10 +60,11 @@ def first_fold(stroke: NDArray[np.int64]) -> NDArray[np.bool_]:
     return stroke % 4 < 2
 
 
-def fold_sums(strokes: Array) -> Array:
-    """(2, 2, ...) sums over the folds of the half strokes (2, c, ...) of one run."""
-    first = first_fold(np.arange(strokes.shape[1]))
-    return np.stack([strokes[:, fold].sum(axis=1) for fold in (first, ~first)], axis=1)
+def folds_of(run: Run) -> Parts:
+    """The samples of both folds."""
+    strokes = spans(run.cluster)
+    first = np.repeat(first_fold(np.arange(len(strokes))), [span.stop - span.start for span in strokes])
+    return [np.flatnonzero(first), np.flatnonzero(~first)]
 
 
 def without_columns(run: Run, own: Sequence[Array]) -> RunProducts:
@@ -82,23 +78,20 @@ def without_columns(run: Run, own: Sequence[Array]) -> RunProducts:
 
 def with_columns(p: RunProducts, columns: Mapping[str, Sequence[Array]]) -> RunProducts:
     """`p` with more columns; products that exist are not multiplied again."""
-    count, strokes = sum(block.mean.shape[1] for block in p.blocks), spans(p.run.cluster)
+    count, parts = sum(block.mean.shape[1] for block in p.blocks), folds_of(p.run)
     separated = [_mean_and_deviation(p, repeats) for repeats in columns.values()]
-    mean = np.stack([column for column, _ in separated], axis=1)
-    square = np.concatenate(
-        [*(_between(block.mean, mean, strokes) for block in p.blocks), _between(mean, mean, strokes)], axis=2
-    )
+    mean = np.stack([column for column, _ in separated], axis=1).astype(np.float32)
+    folds = [*(_between(block.mean, mean, parts) for block in p.blocks), _between(mean, mean, parts)]
     deviations = {count + k: deviation for k, (_, deviation) in enumerate(separated) if deviation is not None}
-    clocked = _with_clocked(p.clocked, deviations, strokes) if deviations else p.clocked
-    block = Block(mean.astype(np.float32), square, fold_sums(square))
-    return p._replace(blocks=(*p.blocks, block), clocked=clocked)
+    clocked = _with_clocked(p.clocked, deviations, parts) if deviations else p.clocked
+    return p._replace(blocks=(*p.blocks, Block(mean, np.concatenate(folds, axis=2))), clocked=clocked)
 
 
-def _with_clocked(p: ClockColumns | None, deviations: Mapping[int, Array], strokes: Sequence[slice]) -> ClockColumns:
+def _with_clocked(p: ClockColumns | None, deviations: Mapping[int, Array], folds: Parts) -> ClockColumns:
     new = np.stack(list(deviations.values()), axis=2)
     deviation = new if p is None else np.concatenate([p.deviation, new], axis=2)
     places = (*(() if p is None else p.places), *deviations)
-    return ClockColumns(places, deviation, _over_repeats(deviation, strokes))
+    return ClockColumns(places, deviation, _over_repeats(deviation, folds))
 
 
 def _mean_and_deviation(p: RunProducts, repeats: Sequence[Array]) -> tuple[Array, Array | None]:
@@ -110,20 +103,54 @@ def _mean_and_deviation(p: RunProducts, repeats: Sequence[Array]) -> tuple[Array
     return mean, np.stack(columns) - mean
 
 
-def residual_column(p: RunProducts, residuals: Sequence[Array]) -> ResidualColumn:
-    """The last column of the matrices, from the residual (m, 2) of each repeat."""
-    strokes, repeats = spans(p.run.cluster), len(residuals)
+class Squares(NamedTuple):
+    """Products of all columns and of the residual, which is the last, within parts of a run."""
+
+    square: Array  # (2, b, p + 1, p + 1), summed over the repeats
+    floor: Array  # (2, b) sum of squares that repeats differ by
+
+
+def of_strokes(p: RunProducts, residuals: Sequence[Array]) -> Squares:
+    """Of each half stroke, with the residual (m, 2) of each repeat."""
+    parts = spans(p.run.cluster)
+    clocked = None if p.clocked is None else _over_repeats(p.clocked.deviation, parts)
+    return _squares(p, residuals, parts, _between(p.mean, p.mean, parts), clocked)
+
+
+def of_folds(p: RunProducts, residuals: Sequence[Array]) -> Squares:
+    """Of both folds."""
+    count = sum(block.mean.shape[1] for block in p.blocks)
+    square, start = np.empty((2, 2, count, count)), 0
+    for block in p.blocks:
+        end = start + block.mean.shape[1]
+        square[:, :, :end, start:end] = block.folds
+        square[:, :, start:end, :start] = np.swapaxes(block.folds[:, :, :start], 2, 3)
+        start = end
+    return _squares(p, residuals, folds_of(p.run), square, None if p.clocked is None else p.clocked.folds)
+
+
+def _squares(
+    p: RunProducts, residuals: Sequence[Array], parts: Parts, columns: Array, clocked: Array | None
+) -> Squares:
+    """`columns` (2, b, p, p) are the products of the means, `clocked` (2, b, q, q) those of the deviations."""
+    count, repeats = columns.shape[2], len(residuals)
     rows = np.stack([p.weighted(residual) for residual in residuals])
     mean = rows.mean(axis=0)
-    deviation = (rows - mean)[:, :, None]
-    noise, last = _over_repeats(deviation, strokes), mean[:, None]
-    products = [*(_between(block.mean, last, strokes) for block in p.blocks), _between(last, last, strokes)]
-    column = repeats * np.concatenate(products, axis=2)
-    column[:, :, -1:] += noise
-    if p.clocked is not None and repeats > 1:  # a mean of repeats has a single clock
-        pairs = zip(p.clocked.deviation, deviation, strict=True)
-        column[:, :, list(p.clocked.places)] += sum(_between(clocked, own, strokes) for clocked, own in pairs)
-    return ResidualColumn(column, noise[:, :, 0, 0] * repeats / max(repeats - 1, 1), repeats)
+    last, deviation = mean[:, None], (rows - mean)[:, :, None]
+    noise = _over_repeats(deviation, parts)
+    products = np.concatenate(
+        [*(_between(each.mean, last, parts) for each in p.blocks), _between(last, last, parts)], 2
+    )
+    square = np.empty((*columns.shape[:2], count + 1, count + 1))
+    np.multiply(columns, repeats, out=square[:, :, :count, :count])
+    square[:, :, :, count:] = repeats * products
+    square[:, :, -1:, -1:] += noise
+    if p.clocked is not None and clocked is not None and repeats > 1:  # a mean of repeats has a single clock
+        at, pairs = np.array(p.clocked.places), zip(p.clocked.deviation, deviation, strict=True)
+        square[:, :, at[:, None], at] += clocked
+        square[:, :, at, -1:] += sum(_between(clock, own, parts) for clock, own in pairs)
+    square[:, :, -1, :-1] = square[:, :, :-1, -1]
+    return Squares(square, noise[:, :, 0, 0] * repeats / max(repeats - 1, 1))
 
 
 def differences(p: RunProducts, residuals: Sequence[Array]) -> Array:
@@ -142,41 +169,20 @@ def differences(p: RunProducts, residuals: Sequence[Array]) -> Array:
     return square * (repeats / (repeats - 1))
 
 
-def fill(square: Array, p: RunProducts, last: ResidualColumn, folded: bool) -> None:
-    """Write the Gram matrices (2, c, p + 1, p + 1) of the half strokes, or of the two folds, into `square`."""
-    start = 0
-    for block in p.blocks:
-        start = _fill_block(square, block.folds if folded else block.square, start, last.repeats)
-    _fill_block(square, fold_sums(last.products) if folded else last.products, start, 1.0)
-    if p.clocked is not None and last.repeats > 1:
-        at = list(p.clocked.places)
-        square[:, :, np.array(at)[:, None], at] += fold_sums(p.clocked.square) if folded else p.clocked.square
-
-
-def _fill_block(square: Array, block: Array, start: int, factor: float) -> int:
-    """Write `factor` times the (2, c, p + q, q) of a block to both sides of the diagonal; return where it ends."""
-    end: int = start + block.shape[3]
-    np.multiply(block, factor, out=square[:, :, :end, start:end])
-    square[:, :, start:end, :start] = np.swapaxes(square[:, :, :start, start:end], 2, 3)
-    return end
-
-
 def selected(p: RunProducts, places: Sequence[int]) -> RunProducts:
     """The columns at `places`, in this order, in one block."""
     count = len(places)
-    means = np.empty((2, count, len(p.run.weight)), np.float32)
-    square = np.empty((2, len(spans(p.run.cluster)), count, count))
+    means, folds = np.empty((2, count, len(p.run.weight)), np.float32), np.empty((2, 2, count, count))
     start = 0
     for block in p.blocks:
         end = start + block.mean.shape[1]
         rows, columns = ([k for k, place in enumerate(places) if low <= place < end] for low in (0, start))
-        values = block.square[:, :, [places[k] for k in rows]][..., [places[k] - start for k in columns]]
+        values = block.folds[:, :, [places[k] for k in rows]][..., [places[k] - start for k in columns]]
         means[:, columns] = block.mean[:, [places[k] - start for k in columns]]
-        square[:, :, np.array(rows, dtype=np.intp)[:, None], columns] = values
-        square[:, :, np.array(columns, dtype=np.intp)[:, None], rows] = np.swapaxes(values, 2, 3)
+        folds[:, :, np.array(rows, dtype=np.intp)[:, None], columns] = values
+        folds[:, :, np.array(columns, dtype=np.intp)[:, None], rows] = np.swapaxes(values, 2, 3)
         start = end
-    block = Block(means, square, fold_sums(square))
-    return p._replace(blocks=(block,), clocked=_selected_clocked(p.clocked, places))
+    return p._replace(blocks=(Block(means, folds),), clocked=_selected_clocked(p.clocked, places))
 
 
 def _selected_clocked(p: ClockColumns | None, places: Sequence[int]) -> ClockColumns | None:
@@ -185,19 +191,20 @@ def _selected_clocked(p: ClockColumns | None, places: Sequence[int]) -> ClockCol
         return None
     within = np.array([k for _, k in kept])
     return ClockColumns(
-        tuple(place for place, _ in kept), p.deviation[:, :, within], p.square[:, :, within[:, None], within]
+        tuple(place for place, _ in kept), p.deviation[:, :, within], p.folds[:, :, within[:, None], within]
     )
 
 
-def _between(x: Array | NDArray[np.float32], y: Array, strokes: Sequence[slice]) -> Array:
-    """Products (2, c, p, q) of `x` (2, p, m) and `y` (2, q, m) within each half stroke, in double precision."""
-    products: Array = np.stack(
-        [[left[:, span] @ right[:, span].T for span in strokes] for left, right in zip(x, y, strict=True)]
-    )
+def _between(x: Array | NDArray[np.float32], y: Array | NDArray[np.float32], parts: Parts) -> Array:
+    """Products (2, b, p, q) of `x` (2, p, m) and `y` (2, q, m) within each part, in double precision."""
+    products = np.empty((2, len(parts), x.shape[1], y.shape[1]))
+    for k, part in enumerate(parts):
+        left, right = (rows[:, :, part].astype(np.float64, copy=False) for rows in (x, y))
+        np.matmul(left, np.swapaxes(right, 1, 2), out=products[:, k])
     return products
 
 
-def _over_repeats(x: Array, strokes: Sequence[slice]) -> Array:
-    """Products (2, c, q, q) of `x` (n, 2, q, m) with itself, summed over the repeats."""
-    products: Array = np.sum([_between(repeat, repeat, strokes) for repeat in x], axis=0)
+def _over_repeats(x: Array, parts: Parts) -> Array:
+    """Products (2, b, q, q) of `x` (n, 2, q, m) with itself, summed over the repeats."""
+    products: Array = np.sum([_between(repeat, repeat, parts) for repeat in x], axis=0)
     return products
