@@ -125,6 +125,12 @@ def test_the_advice_holds(ball_screw: Setup) -> None:
         design.design(ball_screw.stage, control._replace(bandwidth=1.25 * advised))
 
 
+def test_a_bandwidth_that_is_far_too_fast_is_advised_of_a_lower_one(ball_screw: Setup) -> None:
+    """1 kHz where 40 Hz is meant, or kHz where Hz is."""
+    with refused(design.DesignError, key="control.bandwidth", advised=50.0):
+        design.design(ball_screw.stage, controlled(ball_screw, 1e3, 5e-4, math.radians(20)))
+
+
 def test_an_unstable_loop_is_refused_even_if_any_margin_would_do(ball_screw: Setup) -> None:
     p = varied(ball_screw, nd=2).stage
     with refused(design.DesignError, kind=ProblemKind.LOOP, key="control.bandwidth") as caught:

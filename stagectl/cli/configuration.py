@@ -115,6 +115,7 @@ def _stage(path: Path) -> tuple[str, list[str]]:
     from stagectl import design
     from stagectl.config.stage_checks import doubtful
     from stagectl.config.stage_file import load_stage
+    from stagectl.config.wire_checks import untried
 
     setup = load_stage(path)
     control = setup.file.control
@@ -128,7 +129,8 @@ def _stage(path: Path) -> tuple[str, list[str]]:
         f"crossover {reached.crossover:.1f} Hz{watched} "
         f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples}); {_protects(setup.file)}"
     )
-    return words, [*filter(None, (design.limit_cycle_warning(setup.stage, control), doubtful(setup.file)))]
+    warnings = design.limit_cycle_warning(setup.stage, control), doubtful(setup.file), untried(setup.file)
+    return words, [*filter(None, warnings)]
 
 
 def _protects(file: StageFile) -> str:

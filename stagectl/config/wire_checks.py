@@ -54,6 +54,15 @@ def unusable(wire: Canopen) -> Iterator[Problem]:
             yield Problem("", ProblemKind.VALUE, key, interface, choices=known)
 
 
+def untried(file: StageFile) -> str:
+    """What to say of an interface of python-can that stagectl has not been tried with; empty elsewhere."""
+    wire = file.drive.wire
+    if not isinstance(wire, Canopen) or wire.interface in _TRIED:
+        return ""
+    words = f"drive.wire.interface = {wire.interface}: python-can has it, and stagectl has not been tried with it"
+    return f"{words}; `stagectl drive probe` shows whether the drive answers, and moves nothing"
+
+
 def eds_path(name: str, stage_file: Path) -> Path:
     """The EDS file: relative to the stage file, or to the configuration of the checkout where that has it."""
     beside = stage_file.parent.resolve() / name

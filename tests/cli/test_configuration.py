@@ -31,6 +31,14 @@ def test_everything_that_is_shipped_is_good(command: Command) -> None:
     assert "sine-0.8hz.yaml: trajectory of 5 s" in err  # 2 periods and 2 ramps at 0.8 Hz
 
 
+def test_an_interface_that_was_never_tried_is_not_called_good(command: Command, tmp_path: Path) -> None:
+    text = (CONFIG / "ball-screw.yaml").read_text().replace("eds: drives/", f"eds: {CONFIG}/drives/")
+    for interface, good in (("socketcan", True), ("pcan", False)):
+        (tmp_path / "stage.yaml").write_text(text.replace("interface: embedded", f"interface: {interface}"))
+        code, _, err = command("config", "check", tmp_path / "stage.yaml")
+        assert code == 0 and err.startswith("good" if good else "valid") and ("warning" in err) != good
+
+
 def test_the_stage_of_many_trajectories_is_read_twice(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """Once to be checked itself, once for all that must keep to its limits."""
     from stagectl.config import stage_file
