@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from scipy.stats import multivariate_normal, norm
 
 from stagectl.gap.selection.constants import INCLUSION
 from stagectl.gap.selection.evidence import Candidate, Conditioned, Prior, compare, conditioned, gains, means, temper
+from stagectl.gap.selection.linearised import Linearised
 
 ROWS = 40
 NONE = Conditioned(np.zeros((0, 0)), np.zeros(0), 0.0)
@@ -127,3 +130,19 @@ def test_what_is_left_counts_once_a_half_stroke() -> None:
     assert temper(-5.0, 100) == 1.0
     assert temper(100.0, 100) == 0.5
     assert temper(1e8, 100) * 1e8 == pytest.approx(100.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("left", "odds"),
+    [
+        ((100.0, 50.0), 1.0),  # a simulation with it leaves all that another law of the friction leaves
+        ((100.0, 49.0), math.exp(0.5)),
+        ((0.0, 50.0), math.exp(5.0)),
+    ],
+)
+def test_no_effect_is_more_probable_than_its_simulation_fits(left: tuple[float, float], odds: float) -> None:
+    """However well its column explains what the values that are known of the friction leave."""
+    nothing: Any = None
+    at = Linearised(nothing, [], (), (100.0, 50.0), (0.1, 1.0), nothing)
+    p = at.simulated(left)
+    assert p / (1.0 - p) == pytest.approx(INCLUSION * odds)

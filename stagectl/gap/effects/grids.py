@@ -3,6 +3,8 @@
 All are chosen, not derived: each grid is as coarse as its neighbours still find an effect that lies between them.
 """
 
+from collections.abc import Sequence
+
 from stagectl.kernels.constants import FIRST_ORDER
 
 # Share by which a limit lies below the largest current (voltage) of the logs.  A drive that did reach its limit gave
@@ -22,8 +24,22 @@ BACKLASH_GAPS = (0.04, 0.1, 0.25, 0.6, 1.5)  # of the rolling zone
 # Hz; belts and robot joints ring at tens of Hz, a ball screw at hundreds.
 COMPLIANCE_FREQUENCIES = (8.0, 12.0, 18.0, 27.0, 40.0, 56.0, 80.0, 120.0, 180.0, 270.0, 400.0, 600.0, 900.0, 1350.0)
 BACKLASH_FREQUENCIES = (150.0, 800.0)  # Hz, of the drive train when the gap is closed
+SOFTEST_TRAIN = 20.0  # Hz; a drive train rings no lower when its gap is closed
 BASE_FREQUENCIES = (8.0, 11.0, 15.0, 21.0, 29.0, 40.0, 55.0)  # Hz
 SAME_FREQUENCY = 0.05  # relative distance below which a base frequency of the grid is one that the logs show
 _ARCSECOND = 7.7e-7  # of a pitch of one turn
 ENCODER_ERRORS = (30.0 * _ARCSECOND, 3.0 * _ARCSECOND)  # of a pitch: once per turn, once per signal period
 COGGING_OF_EFFORT = 0.1  # of the largest effort: typical cogging of a bare motor, whose friction is smaller than it
+
+
+def told_by_rows(frequencies: Sequence[float], dt: float) -> tuple[float, ...]:
+    """Those of `frequencies` (Hz) whose period is no shorter than that of the rows, `dt` (s).
+
+    What swings faster has come to rest between two rows: no log tells one such frequency from the next.
+    """
+    return tuple(frequency for frequency in frequencies if frequency * dt <= 1.0)
+
+
+def no_faster_than_rows(frequencies: Sequence[float], dt: float) -> tuple[float, ...]:
+    """`frequencies` (Hz), each no higher than the rows tell: of what is part of a model all the same."""
+    return tuple(sorted({min(frequency, max(1.0 / dt, SOFTEST_TRAIN)) for frequency in frequencies}))

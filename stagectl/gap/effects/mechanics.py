@@ -51,12 +51,13 @@ def _cable_hysteresis(s: Scales) -> Parameters:
 
 def _backlash(s: Scales) -> Parameters:
     gaps = tuple(f * s.length for f in grids.BACKLASH_GAPS)
+    closed = grids.no_faster_than_rows(grids.BACKLASH_FREQUENCIES, s.dt)
     return Parameters(
         (Amplitude("gap", "rad | m", gaps, 0.0, 20.0 * s.length),),
         (
             Shape("load_share", "", (0.3,), True, 0.02, 0.95),
             Shape("load_friction", "", (0.9, 0.4), True, 0.01, 1.0),
-            Shape("resonance", "Hz", grids.BACKLASH_FREQUENCIES, True, 20.0, 2500.0),
+            Shape("resonance", "Hz", closed, True, grids.SOFTEST_TRAIN, 2500.0),
             Shape("damping", "", (0.1,), True, 0.01, 1.0),
         ),
         lambda p, v: _with_load(p, v, backlash=v["gap"]) if v["gap"] > 0.0 else p,
@@ -64,11 +65,14 @@ def _backlash(s: Scales) -> Parameters:
     )
 
 
-def _compliance(_: Scales) -> Parameters:
+def _compliance(s: Scales) -> Parameters | None:
+    frequencies = grids.told_by_rows(grids.COMPLIANCE_FREQUENCIES, s.dt)
+    if not frequencies:
+        return None
     return Parameters(
         (Amplitude("load_share", "", (0.3,), 0.0, 0.95),),
         (
-            Shape("resonance", "Hz", grids.COMPLIANCE_FREQUENCIES, True, 2.0, 2500.0),
+            Shape("resonance", "Hz", frequencies, True, 2.0, 2500.0),
             Shape("damping", "", (0.03,), True, 0.002, 1.0),
             Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
         ),
@@ -83,11 +87,11 @@ def _with_load(p: Stage, v: Values, **more: float) -> Stage:
     return put(p, "mechanics.transmission", changed)
 
 
-def _base_vibration(s: Scales) -> Parameters:
-    grid = (
-        *s.modes,
-        *(f for f in grids.BASE_FREQUENCIES if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in s.modes)),
-    )
+def _base_vibration(s: Scales) -> Parameters | None:
+    usual = grids.told_by_rows(grids.BASE_FREQUENCIES, s.dt)
+    grid = (*s.modes, *(f for f in usual if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in s.modes)))
+    if not grid:
+        return None
     return Parameters(
         (Amplitude("ratio", "", (0.05,), 0.0, 1.0),),
         (Shape("frequency", "Hz", grid), Shape("damping", "", (0.03,), True, 0.002, 1.0)),

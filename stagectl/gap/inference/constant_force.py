@@ -58,6 +58,8 @@ def settled(e: Evidence, library: Library, selected: Selection, say: Say) -> tup
     say(f"{', '.join(valued.effect.name for valued in instead)} in the place of the bias")
     after = refine.refine(compared.fixed, compared.nominal.model, select.joined(compared.nominal.effects, instead))
     established = select.established(compared.fixed, library, after, say)
+    if not {v.effect.name for v in instead} & {v.effect.name for v in established.fitted.effects}:
+        return e, _weighed(selected, compared)  # nothing stands in its place
     return compared.fixed, _weighed(established, compared)
 
 

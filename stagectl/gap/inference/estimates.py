@@ -23,6 +23,7 @@ class Estimate(NamedTuple):
     deviation: float  # standard
     scale: float  # to which its change is relative
     prior: float  # standard deviation around the nominal value before the data
+    larger: float = 0.0  # by how much the value may be larger besides, and not smaller
 
 
 class Joint(NamedTuple):
@@ -62,9 +63,9 @@ def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Join
     matrix = of_columns @ known.matrix @ of_columns.T + np.diag(np.square(of_centre))
     deviation = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     estimate = {}
-    for name, spread in zip(names, deviation.tolist(), strict=True):
+    for name, spread, larger in zip(names, deviation.tolist(), (of_columns @ known.larger).tolist(), strict=True):
         value, nominal, scale = values[name]
-        estimate[name] = Estimate(value, nominal, spread, scale, e.base.prior.width(name))
+        estimate[name] = Estimate(value, nominal, spread, scale, e.base.prior.width(name), larger)
     return Joint(estimate, matrix)
 
 

@@ -49,6 +49,7 @@ class Shift(NamedTuple):
     probability: float
     alike: tuple[str, ...] = ()  # parameters of which one explains as much
     from_nothing: bool = False  # the nominal value is 0: no force constant makes something of it
+    scale: float = 1.0  # to which the change is relative
 
     @property
     def sure(self) -> bool:
@@ -157,14 +158,18 @@ def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike:
     p, sure = views[0], min(_probability(name, view) for view in views)
     error = max(float(np.hypot(view.deviation, view.value - p.value)) for view in views)
     change, spread, half = (p.value - p.nominal) / p.scale, error / p.scale, NORMAL * error
-    lowest = 0.0 if name in POSITIVE else -np.inf
-    value = Value(p.value, max(p.value - half, lowest), p.value + half, _unit(name, kind))
-    return Shift(name, change, spread, share, value, sure, alike, p.nominal == 0.0)
+    lowest, larger = 0.0 if name in POSITIVE else -np.inf, max(view.larger for view in views)
+    value = Value(p.value, max(p.value - half, lowest), p.value + half + larger, _unit(name, kind))
+    return Shift(name, change, spread, share, value, sure, alike, p.nominal == 0.0, p.scale)
 
 
 def _probability(name: str, p: Estimate) -> float:
-    """Probability that a parameter has changed, and by more than what matters for a model."""
+    """Probability that a parameter has changed, and by more than what matters for a model.
+
+    Of the values between which it lies, that counts which is nearest to the nominal one.
+    """
     spread, moved = max(p.deviation, 1e-9 * p.scale), p.value - p.nominal
+    moved = min(moved + p.larger, 0.0) if moved < 0.0 else moved
     factor = log_odds(np.array([moved]), np.array([[spread**2]]), np.array([max(p.prior, 1e-300)]))
     odds = np.log(shift_odds(name, p.nominal)) + factor
     least = thresholds.SHIFT_LEAST[name] * p.scale

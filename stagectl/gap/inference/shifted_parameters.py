@@ -7,7 +7,6 @@ from stagectl.gap.effects.effect import Data
 from stagectl.gap.inference.parameter_errors import Shift, common, of_force, shared
 from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.logs.session import Session
-from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import Fields, FoundEffect, Value
 from stagectl.gap.selection.refine import Fitted
 
@@ -54,8 +53,8 @@ def _force_constant(session: Session, shift: Shift, probability: float) -> Found
 
 
 def _shifted(session: Session, shift: Shift, now: Fitted) -> FoundEffect:
-    half = NORMAL * shift.deviation
-    change = Value(shift.change, shift.change - half, shift.change + half, "")
+    low, high = ((end - shift.value.value) / shift.scale for end in (shift.value.low, shift.value.high))
+    change = Value(shift.change, shift.change + low, shift.change + high, "")
     return FoundEffect(
         shift.name,
         tuple(dict.fromkeys((*shift.alike, *_alternatives(session, shift.name)))),

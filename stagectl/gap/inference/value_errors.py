@@ -44,6 +44,7 @@ class Errors(NamedTuple):
     names: tuple[str, ...]
     matrix: Array  # (k, k) mean square error
     between: Array  # (k, k) what of it parts of the data contradict each other by
+    larger: Array  # (k,) by how much each value may be larger besides, and not smaller
 
     def deviations(self) -> dict[str, float]:
         """Standard error of each parameter's value in the model."""
@@ -70,7 +71,7 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
     found = {}
     for way, parts in ways(g, products, now, smooth).items():
         error = gram_matrices.mean_square_error(np.tensordot(parts, powers, (1, 0)), places, mean, precision)
-        found[way] = Errors(g, names, error.whole + np.outer(apart, apart) + np.diag(diluted**2), error.between)
+        found[way] = Errors(g, names, error.whole + np.outer(apart, apart), error.between, diluted)
     return found
 
 

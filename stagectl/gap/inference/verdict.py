@@ -96,13 +96,18 @@ def _alternatives(name: str, selected: Selection) -> tuple[str, ...]:
 
 
 def parameters(fitted: EffectValues, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
-    """Values with 95 % intervals; a sine and a cosine become amplitude and phase."""
+    """Values with 95 % intervals, where they can lie; a sine and a cosine become amplitude and phase."""
     units = units_of(fitted.effect, kind)
-    half = {name: NORMAL * deviation.get(f"{fitted.effect.name}.{name}", 0.0) for name in fitted.values}
-    values = {name: Value(x, x - half[name], x + half[name], units[name]) for name, x in fitted.values.items()}
+    ends = {amplitude.name: (amplitude.low, amplitude.high) for amplitude in fitted.effect.amplitudes}
+    ends |= {shape.name: (shape.low, shape.high) for shape in fitted.effect.shapes}
+    values = {}
+    for name, x in fitted.values.items():
+        half = NORMAL * deviation.get(f"{fitted.effect.name}.{name}", 0.0)
+        low, high = ends[name]
+        values[name] = Value(x, min(max(x - half, low), x), max(min(x + half, high), x), units[name])
     for nth in ("second_", ""):
         if f"{nth}sine" in values:
-            values = _harmonic(values, half, nth)
+            values = _harmonic(values, nth)
     return values
 
 
@@ -115,12 +120,19 @@ def _with_period(values: dict[str, Value], session: Session) -> dict[str, Value]
     return {"period": Value(pitch / order.value, pitch / order.high, pitch / order.low, unit), **values}
 
 
-def _harmonic(values: dict[str, Value], half: Mapping[str, float], nth: str) -> dict[str, Value]:
-    """The `values` with amplitude and phase, first, in the place of sine and cosine; `nth` begins all four names."""
-    sine, cosine = values.pop(f"{nth}sine"), values.pop(f"{nth}cosine")
-    size, width = math.hypot(sine.value, cosine.value), math.hypot(half[f"{nth}sine"], half[f"{nth}cosine"])
-    phase, turn = math.atan2(cosine.value, sine.value), min(width / max(size, 1e-300), math.pi)
-    amplitude = Value(size, max(size - width, 0.0), size + width, sine.unit)
+def _harmonic(values: dict[str, Value], nth: str) -> dict[str, Value]:
+    """The `values` with amplitude and phase, first, in the place of sine and cosine; `nth` begins all four names.
+
+    The intervals are those of all points that both intervals allow: one part may be sure where the other is not.
+    """
+    parts = values.pop(f"{nth}sine"), values.pop(f"{nth}cosine")
+    sine, cosine = parts
+    phase = math.atan2(cosine.value, sine.value)
+    corners = [math.atan2(c, s) for s in sine[1:3] for c in cosine[1:3]]
+    nearest = math.hypot(*(max(part.low, -part.high, 0.0) for part in parts))
+    farthest = math.hypot(*(max(-part.low, part.high) for part in parts))
+    turn = max(abs(math.remainder(corner - phase, math.tau)) for corner in corners) if nearest else math.pi
+    amplitude = Value(math.hypot(sine.value, cosine.value), nearest, farthest, sine.unit)
     return {f"{nth}amplitude": amplitude, f"{nth}phase": Value(phase, phase - turn, phase + turn, "rad"), **values}
 
 

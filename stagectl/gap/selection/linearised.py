@@ -1,9 +1,11 @@
 """Everything linear around one model: the residuals, what nuisances explain of them, and the effects that may join."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import expit
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.logs.session import Array
@@ -53,8 +55,13 @@ class Linearised(NamedTuple):
     candidates: list[Candidate]
     forms: tuple[Form, ...]
     excess: Cuts
-    largest: float  # of the cuts of `excess`, each times the power of its likelihood
+    powers: Cuts  # of the likelihoods of both cuts
     verdict: Verdict
+
+    @property
+    def largest(self) -> float:
+        """Of the cuts of `excess`, each times the power of its likelihood."""
+        return max(power * cut for power, cut in zip(self.powers, self.excess, strict=True))
 
     def values(self, chosen: Weighed) -> list[EffectValues]:
         """The effects of a set, with their most probable sizes."""
@@ -62,6 +69,15 @@ class Linearised(NamedTuple):
         sizes = means(self.start, [member.prior for member in members])
         forms = [self.forms[member.form] for member in members]
         return [EffectValues(f.effect, f.values(size.tolist())) for f, size in zip(forms, sizes, strict=True)]
+
+    def simulated(self, left: Cuts) -> float:
+        """Probability of an effect with which a simulation leaves `left`, at most: by its prior odds times the fit.
+
+        Of what another law of the friction or other values of the base explain as well, nothing is its own; and a
+        column that bends promises more than a simulation gives.
+        """
+        gains = (power * (a - b) for power, a, b in zip(self.powers, self.excess, left, strict=True))
+        return float(expit(math.log(constants.INCLUSION) + 0.5 * sum(gains)))
 
     def explained(self, chosen: Weighed) -> float:
         """What a set explains, as a share of what is left of the largest cut."""
@@ -96,10 +112,9 @@ def linearised(
     nuisances = parameters(e, now, g)
     small = [usual_sizes.immaterial(library.forms, g.places)] if traces else []
     left = left_of(g, nuisances, library.products, now)
-    powers = [temper(cut, strokes(e)) for cut in (library.excess if traces else left)]
-    start = _start(g, [*nuisances, *small], powers)
-    largest = max(power * cut for power, cut in zip(powers, left, strict=True))
-    return Linearised(start, tried, forms, left, largest, compare(start, tried, WIDER))
+    effort, current = (temper(cut, strokes(e)) for cut in (library.excess if traces else left))
+    start = _start(g, [*nuisances, *small], (effort, current))
+    return Linearised(start, tried, forms, left, (effort, current), compare(start, tried, WIDER))
 
 
 def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:

@@ -12,6 +12,7 @@ Every machine has a trace of everything, so that a small effect is no finding.  
 repeats and has an order, what explains it is no trace, however small it is: nothing is called unknown before.
 """
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -26,6 +27,7 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.thresholds import RESONANT_STEPS
 
 Say = Callable[[str], None]
+Starts = Callable[[], Sequence[EffectValues]]  # places from which fits begin, found once: they take long
 
 
 class Selection(NamedTuple):
@@ -47,7 +49,12 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     """
     now = drive_alikes.on_time(e, library, refine.start(e))
     while len(now.effects) < constants.MOST_EFFECTS:
-        after = _with_more(e, library, now) or _with_small(e, library, now) or waves.with_wave(e, library, now)
+        starts = functools.cache(functools.partial(_starts, e, library, now))
+        after = (
+            _with_more(e, library, now, starts)
+            or _with_small(e, library, now, starts)
+            or waves.with_wave(e, library, now)
+        )
         if after is None:
             break
         after = drive_alikes.nearest(e, library, after)
@@ -57,11 +64,11 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     return established(e, library, now, say)
 
 
-def _with_more(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
+def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
     """`now` with the most probable set of effects; None where that is empty, or does not fit."""
     at = linearised.linearised(e, library, now)
     added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
-    starts = _starts(e, library, now, added)
+    starts = _if_bent(added, tried)
     after = _first_of(e, now, added, starts, _grown(e, now, added, starts))
     if after is None or _stands_against_functions(e, library, now, after):
         return after
@@ -103,7 +110,7 @@ def _first_of(
     return best if lost <= constants.ONE_OF_MANY * gain else together
 
 
-def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
+def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
     """`now` with one effect of whatever size that explains most of what is missing; None where nothing is or does."""
     at = linearised.linearised(e, library, now, traces=False)
     singles = {item: p for item, p in at.verdict.of_sets().items() if len(item) == 1}
@@ -114,7 +121,7 @@ def _with_small(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     if not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
         return None
     added = at.values(best)
-    after = _grown(e, now, added, _starts(e, library, now, added))
+    after = _grown(e, now, added, _if_bent(added, tried))
     if after is None:
         return None
     left = linearised.excess(e, library, after)
@@ -136,14 +143,15 @@ def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequ
     return after if after.residual_sum_of_squares < now.residual_sum_of_squares else None
 
 
-def _starts(e: Evidence, library: Library, now: Fitted, added: Sequence[EffectValues]) -> list[EffectValues]:
+def _if_bent(added: Sequence[EffectValues], tried: Starts) -> Sequence[EffectValues]:
+    return tried() if any(_bends(valued.effect) for valued in added) else ()
+
+
+def _starts(e: Evidence, library: Library, now: Fitted) -> list[EffectValues]:
     """Of each effect whose columns bend on the way, the place on its grid from which few steps explain most.
 
-    None where no effect of `added` bends.  Far from its values the column of a soft belt looks like that of a gap or of
-    a base that moves: only fits tell.
+    Far from its values the column of a soft belt looks like that of a gap or of a base that moves: only fits tell.
     """
-    if not any(_bends(valued.effect) for valued in added):
-        return []
     present = {other.effect.name for other in now.effects}
     best: dict[str, Fitted] = {}
     for form in (form for form in library.forms if _bends(form.effect) and form.effect.name not in present):
@@ -189,9 +197,9 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         _enter_wave(e, library, selection, name, wave)
     empty: dict[str, float] = {}
     for valued in others:
-        at = _in_the_place_of(e, library, now, valued)
+        at = _in_the_place_of(e, library, now, left, valued)
         selection.gains[valued.effect.name] = sum(at.excess) - sum(left)
-        empty[valued.effect.name] = _empty(at)
+        empty[valued.effect.name] = max(_empty(at), 1.0 - at.simulated(left))
         _enter(selection, at, valued.effect.name)
         if valued.effect.name in constants.SCALING:
             _enter_scales(selection, drive_alikes.other_scales(e, library, now), valued.effect.name)
@@ -201,11 +209,16 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     return dropped(e, library, now, weak, say)
 
 
-def _in_the_place_of(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> Linearised:
-    """The sets that may stand in the place of an effect of `now`; it is no trace where it explains what is missing."""
+def _in_the_place_of(
+    e: Evidence, library: Library, now: Fitted, left: linearised.Cuts, valued: EffectValues
+) -> Linearised:
+    """The sets that may stand in the place of an effect of `now`; it is no trace where it explains what is missing.
+
+    `left` is what `now` does not explain.
+    """
     rest = without(e, now, valued)
     at = linearised.linearised(e, library, rest, valued)
-    present = at.verdict.of_effects().get(valued.effect.name, 0.0)
+    present = min(at.verdict.of_effects().get(valued.effect.name, 0.0), at.simulated(left))
     if present >= constants.KEPT or not is_material(e, library, now, valued):
         return at
     library = drive_alikes.without_unlike(e, library, now, valued)
@@ -241,7 +254,7 @@ def _enter(selection: Selection, at: Linearised, name: str) -> None:
     for other in (other for other, ratio in odds.items() if ratio >= constants.COMPARABLE):
         best = next(item for item in sets if other in item.effects)
         rivals[other] = next(valued for valued in at.values(best) if valued.effect.name == other)
-    selection.probability[name] = present
+    selection.probability[name] = min(present, at.simulated(selection.left))
     selection.alternatives[name] = dict(sorted(odds.items(), key=lambda pair: -pair[1]))
     selection.rivals[name] = rivals
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.logs.session import Log, Session
+from stagectl.gap.result.diagnosis import NAMED, FoundEffect
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
 from stagectl.gap.validation import held_out_gap, rollouts
@@ -46,7 +47,7 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
     if found.gap.after > found.gap.before:
         best = improved = session.stage
         found = closure(session, e, selected, improved)
-    lines = [*warnings(session, e, best), *scale_doubt(session.stage, improved)]
+    lines = [*warnings(session, e, best), *scale_doubt(session.stage, improved, conclusions.shifts)]
     return Validation(improved, found, tuple(lines))
 
 
@@ -76,10 +77,15 @@ def _nearly_closest(stages: Sequence[Stage], sums: Sequence[float]) -> Stage:
     return next(stage for stage, remaining in zip(stages, sums, strict=True) if remaining <= limit)
 
 
-def scale_doubt(nominal: Stage, improved: Stage) -> list[str]:
-    """A warning where what was found is so far from `nominal` that a unit or the scale of the force is in doubt."""
+def scale_doubt(nominal: Stage, improved: Stage, shifts: Sequence[FoundEffect]) -> list[str]:
+    """A warning where what was found is so far from `nominal` that a unit or the scale of the force is in doubt.
+
+    Only the `shifts` that are named count: a value that the logs do not tell may lie anywhere.
+    """
+    told = {shift.name for shift in shifts if shift.probability >= NAMED}
     at_nominal = nominal.motor.force_constant / improved.motor.force_constant
-    return implausible({name: at_nominal * value for name, value in force_scaled(improved).items()}, nominal)
+    known = {name: at_nominal * value for name, value in force_scaled(improved).items()}
+    return implausible({name: x for name, x in known.items() if {name, "force_constant"} & told}, nominal)
 
 
 def warnings(session: Session, e: Evidence, improved: Stage) -> list[str]:

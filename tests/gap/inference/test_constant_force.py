@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options, draw
 
 import stagectl as sc
+from stagectl.gap.inference import constant_force
 from stagectl.gap.result.diagnosis import FoundEffect
+from stagectl.gap.selection import refine, select
 from tests.gap.captured import CONFIG, as_csv
 
 
@@ -56,3 +60,30 @@ def test_reversals_and_places_tell_them_apart(tmp_path: Path, effect: str, seed:
     found = of_foreign(effect, seed, tmp_path)
     assert found[effect].probability > 0.5
     assert {"bias", "coulomb_asymmetry", "cable_spring"} & {*found} == {effect}
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_where_nothing_stands_in_its_place_the_bias_stays_free(monkeypatch: pytest.MonkeyPatch, stays: bool) -> None:
+    """A belt that no simulation confirmed left a wrist with no constant force at all."""
+    belt = SimpleNamespace(effect=SimpleNamespace(name="compliance"))
+    nominal = SimpleNamespace(values=lambda _: [belt], verdict=SimpleNamespace(sets=[None]))
+    compared = SimpleNamespace(
+        bias=0.2,
+        fixed="fixed",
+        nominal=SimpleNamespace(model=None, effects=()),
+        beside=(None, nominal),
+        of_effects=dict,
+    )
+    fitted = SimpleNamespace(effects=(belt,) if stays else ())
+    found: Any = SimpleNamespace(fitted=SimpleNamespace(effects=()), probability={}, _replace=lambda **_: "as it was")
+    after = SimpleNamespace(fitted=fitted, probability={}, _replace=lambda **_: "in its place")
+    for place, value in (
+        (constant_force, {"_compared": lambda *_: compared, "_matters": lambda *_: True}),
+        (refine, {"nuisances": lambda _: ["bias"], "refine": lambda *_: None}),
+        (select, {"established": lambda *_: after, "joined": lambda *_: []}),
+    ):
+        for name, stub in value.items():
+            monkeypatch.setattr(place, name, stub)
+    anything: Any = "free"
+    expected = ("fixed", "in its place") if stays else ("free", "as it was")
+    assert constant_force.settled(anything, anything, found, lambda _: None) == expected

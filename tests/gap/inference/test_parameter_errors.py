@@ -81,6 +81,15 @@ def test_a_shift_is_no_surer_than_by_the_least_sure_division_of_the_data() -> No
     assert parameter_errors._shift("inertia", [beside, alone], 0.3, "rotary").probability == found.probability
 
 
+def test_a_value_that_can_only_be_larger_still_is_as_far_off_as_it_seems() -> None:
+    """Jitter of a position makes an inertia too small: one above the nominal value is off all the more."""
+    above, below = (Estimate(value, 1.0, 0.02, 1.0, 0.3, larger=0.5) for value in (1.3, 0.7))
+    assert parameter_errors._probability("inertia", above) > 0.99
+    assert parameter_errors._probability("inertia", below) < 0.5
+    found = parameter_errors._shift("inertia", [above], 0.3, "rotary").value
+    assert (found.low, found.high) == pytest.approx((1.3 - 1.96 * 0.02, 1.8 + 1.96 * 0.02), rel=1e-3)
+
+
 @pytest.mark.parametrize(("value", "expected"), [(0.02, 0.5), (0.021, 0.841), (-0.019, 0.159)])
 def test_a_sure_shift_is_as_probable_as_that_it_exceeds_what_matters(value: float, expected: float) -> None:
     """Two per cent of the friction matter, for a bias; its deviation is a thousandth."""

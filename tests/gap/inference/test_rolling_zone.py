@@ -29,7 +29,7 @@ def fitted(slips: list[float]) -> Fitted:
 
 def test_a_stretch_is_a_length_and_another_law_an_error_of_it() -> None:
     """All elements half as long again; and about as long on the average, but all of one length."""
-    known = Errors(NOTHING, (), np.empty((0, 0)), NOTHING)
+    known = Errors(NOTHING, (), np.empty((0, 0)), NOTHING, NOTHING)
     before = friction_of([1e-6, 4e-6, 1e-5])
     longer = rolling_zone.lengths(before, fitted([1.5e-6, 6e-6, 1.5e-5]), known, None)[0]
     assert longer.value == pytest.approx(1.5 * longer.nominal, rel=0.01) and longer.deviation < 0.01 * longer.value
@@ -42,7 +42,7 @@ def test_a_rise_at_rest_makes_the_zone_longer_or_not() -> None:
     before, now = friction_of([3e-6, 6e-6]), fitted([2e-6, 4e-6])
     rising = now.model.stage.friction._replace(stribeck=friction.Stribeck(0.5, 1.0))
     model = now.model._replace(stage=now.model.stage._replace(friction=rising))
-    none = Errors(NOTHING, (), np.empty((0, 0)), NOTHING)
+    none = Errors(NOTHING, (), np.empty((0, 0)), NOTHING, NOTHING)
     plain, risen = rolling_zone.lengths(before, now._replace(model=model), none, None)
     assert plain.value == pytest.approx(2.0 / 3.0 * plain.nominal, rel=0.01)
     assert risen.value == pytest.approx(risen.nominal, rel=0.01)
@@ -61,7 +61,7 @@ def test_the_rolling_zone_is_as_uncertain_as_its_elements() -> None:
     error = {}
     for size in (0.0, 0.01, 0.02):
         of_last = np.diag([0.0, 0.0, size**2])
-        error[size] = rolling_zone._of_elements(now, Errors(NOTHING, names, of_last, NOTHING), None)
+        error[size] = rolling_zone._of_elements(now, Errors(NOTHING, names, of_last, NOTHING, NOTHING), None)
     assert error[0.0] == 0.0 < error[0.01] and error[0.02] == pytest.approx(2.0 * error[0.01], rel=0.2)
-    common = Errors(NOTHING, names, np.full((3, 3), 0.02**2), NOTHING)
+    common = Errors(NOTHING, names, np.full((3, 3), 0.02**2), NOTHING, NOTHING)
     assert rolling_zone._of_elements(now, common, None) < 0.1 * error[0.02]

@@ -5,7 +5,12 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from stagectl.gap.validation.validate import NOTHING_CLOSER, NOTHING_HELD_OUT, warnings
+import pytest
+
+import stagectl as sc
+from stagectl.gap.result.diagnosis import FoundEffect
+from stagectl.gap.validation.validate import NOTHING_CLOSER, NOTHING_HELD_OUT, scale_doubt, warnings
+from tests.gap.captured import CONFIG
 
 STAGE: Any = object()
 OTHER: Any = object()
@@ -27,3 +32,13 @@ def test_a_model_that_the_loop_does_not_confirm() -> None:
 def test_copies_and_runs_that_were_used_twice() -> None:
     copied, used_twice = warnings(session(False, False), EVIDENCE, OTHER)
     assert copied.startswith("1 repeats") and used_twice == NOTHING_HELD_OUT
+
+
+@pytest.mark.parametrize(
+    ("name", "probability", "doubted"), [("inertia", 0.9, True), ("inertia", 0.4, False), ("viscous", 0.9, False)]
+)
+def test_a_value_that_the_logs_do_not_tell_is_no_wrong_unit(name: str, probability: float, doubted: bool) -> None:
+    """A wrist that hardly accelerates leaves its inertia anywhere between nothing and a lot."""
+    nominal = sc.load_stage(CONFIG / "ball-screw.yaml").setup.stage
+    light = nominal._replace(mechanics=nominal.mechanics._replace(inertia=1e-3 * nominal.mechanics.inertia))
+    assert bool(scale_doubt(nominal, light, [FoundEffect(name, (), probability, 0.3, {})])) is doubted
