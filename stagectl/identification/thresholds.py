@@ -178,6 +178,7 @@ LONGEST_KNOTS = 0.03  # s; chosen
 LEAST_KNOT_ROWS = 3.0  # samples in the longest knot distance; fewer, and the sampling is to blame; chosen
 NOISE_DIFFERENCES = 8  # order of the differences that show the position's noise: of a motion next to nothing is left
 BEYOND_ROUNDING = 2.0  # times rounding's deviation: an axis that dithers between two counts shows 3**0.5 times it
+SLOWEST_ROWS = 0.1  # share of the rows, by travel, that shows the noise of reversals; chosen
 WINDOWED_NOISE = 0.01  # noise that the encoder may leave in the acceleration, relative to its rms: biases it by 1e-4
 WINDOW_BAND = 0.197  # of one over the knot distance: the window's bandwidth for white noise
 WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one before the noise is known; chosen

@@ -22,6 +22,7 @@ from stagectl.identification.simultaneous.windows import (
     acceleration,
     delayed,
     margin,
+    only_rounds,
     resolution,
     shortest_knots,
     smoothed,
@@ -138,7 +139,7 @@ def _seen(capture: Capture, wide: int) -> bool:
     a noise that grows with the speed.
     """
     enough = max(thresholds.STEPPED_WIDE * shortest_knots(capture), thresholds.LEAST_KNOT_ROWS)
-    return wide >= enough and resolution(capture) == capture.encoder_step
+    return wide >= enough and only_rounds(capture)
 
 
 def coarse(p: Part) -> bool:
