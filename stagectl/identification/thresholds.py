@@ -191,8 +191,7 @@ STEPPED_WIDE = 2  # shortest knot distances that would hide it, at least; chosen
 ROUNDING_RUN = 12  # samples at one count: then a count is as much as rounding at each of them, q^2 = 12 q^2/12
 CORNERS, CORNERS_TRIED = (0.02, 1.5), 12  # rad per row, from and to: where noise becomes that of rounding; chosen
 CORNER_SETTLES, CORNER_SHARE = 4.0, 8.0  # over the corner: rows to settle; least number of such lengths in a capture
-WHITE_LEAVES = 1.1  # of the rms that plain rows leave: a whitened fit that leaves more is of another model; chosen
-WHITENING_RIDGE = 1e-9  # of the residual's power, white: rounding
+WHITENING_RIDGE, WHITE_LEAVES = 1e-9, 1.1  # of the residual's power: rounding; of the rms of plain rows; chosen
 MOST_ROWS = 120000  # of long captures
 FORGOTTEN = 0.1  # of the stroke: travel, there and back, after which the friction has forgotten how it began
 COLUMN_RIDGE = 1e-10  # of a column's squared length: two elements that never differed share their weight

@@ -108,11 +108,12 @@ def resolution(capture: Capture) -> float:
     """The encoder step (rad | m), or that whose rounding would be as much as the noise where the position has far more.
 
     Time stamps that jitter, an estimated angle, an analogue sensor: a stage file says nothing of them.  What counts is
-    how well a reversal is seen, so the noise is that of the slowest rows: that of jitter grows with the speed.
+    how well a reversal is seen, so the noise is that of the slowest rows where it is less: that of jitter grows with
+    the speed.  Where it is more, it is the friction that reverses there.
     """
     differences, travel = _differences(capture)
     slow = travel <= np.quantile(travel, thresholds.SLOWEST_ROWS) if len(travel) else travel > 0.0
-    seen = math.sqrt(12.0) * _seen(differences[slow])
+    seen = math.sqrt(12.0) * min(_seen(differences), _seen(differences[slow]))
     return seen if seen > thresholds.BEYOND_ROUNDING * capture.encoder_step else capture.encoder_step
 
 
