@@ -72,8 +72,8 @@ def shapes(parts: list[Part], motion: Array) -> Shapes:
     `motion` (rows, 2 or more) has acceleration and velocity of all `parts`.
     """
     rms = float(np.sqrt(np.mean(motion[:, ACCELERATION] ** 2)))
-    seen = min(_resolved(p, rms, thresholds.SLIP_STEPS, thresholds.SLIP_TIME, p.q) for p in parts)
-    low = min(_resolved(p, rms, *thresholds.FOLLOWED, 1) if coarse(p) else seen for p in parts)
+    seen = min(_resolved(p, rms, thresholds.SLIP_STEPS, thresholds.SLIP_TIME) for p in parts)
+    low = min(_resolved(p, rms, *thresholds.FOLLOWED) if coarse(p) else seen for p in parts)
     stroke = max(float(np.ptp(p.capture.position)) for p in parts)
     high = min(max(thresholds.SLIP_STROKE * stroke, 4.0 * seen), thresholds.SLIP_SPAN * seen)
     fastest = float(np.abs(motion[:, VELOCITY]).max())
@@ -85,9 +85,9 @@ def shapes(parts: list[Part], motion: Array) -> Shapes:
     )
 
 
-def _resolved(p: Part, rms: float, steps: float, share: float, samples: int) -> float:
-    """Displacement (rad | m) of so many encoder steps, or of a `share` of `rms` (acceleration) times a time squared."""
-    return max(steps * resolution(p.capture), share * rms * (samples * p.capture.dt) ** 2)
+def _resolved(p: Part, rms: float, steps: float, share: float) -> float:
+    """Displacement (rad | m) of so many encoder steps, or of a `share` of `rms` (acceleration) times knots squared."""
+    return max(steps * resolution(p.capture), share * rms * (p.q * p.capture.dt) ** 2)
 
 
 class Path(NamedTuple):
