@@ -178,6 +178,7 @@ LONGEST_KNOTS = 0.03  # s; chosen
 LEAST_KNOT_ROWS = 3.0  # samples in the longest knot distance; fewer, and the sampling is to blame; chosen
 NOISE_DIFFERENCES = 8  # order of the differences that show the position's noise: of a motion next to nothing is left
 BEYOND_ROUNDING = 2.0  # times rounding's deviation: an axis that dithers between two counts shows 3**0.5 times it
+SLOWEST_ROWS = 0.1  # share of the rows, by travel, that shows the noise of reversals; chosen
 WINDOWED_NOISE = 0.01  # noise that the encoder may leave in the acceleration, relative to its rms: biases it by 1e-4
 WINDOW_BAND = 0.197  # of one over the knot distance: the window's bandwidth for white noise
 WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one before the noise is known; chosen
@@ -190,7 +191,7 @@ STEPPED_WIDE = 2  # shortest knot distances that would hide it, at least; chosen
 ROUNDING_RUN = 12  # samples at one count: then a count is as much as rounding at each of them, q^2 = 12 q^2/12
 CORNERS, CORNERS_TRIED = (0.02, 1.5), 12  # rad per row, from and to: where noise becomes that of rounding; chosen
 CORNER_SETTLES, CORNER_SHARE = 4.0, 8.0  # over the corner: rows to settle; least number of such lengths in a capture
-WHITENING_RIDGE = 1e-9  # of the residual's power, white: rounding
+WHITENING_RIDGE, WHITE_LEAVES = 1e-9, 1.1  # of the residual's power: rounding; of the rms of plain rows; chosen
 MOST_ROWS = 120000  # of long captures
 FORGOTTEN = 0.1  # of the stroke: travel, there and back, after which the friction has forgotten how it began
 COLUMN_RIDGE = 1e-10  # of a column's squared length: two elements that never differed share their weight

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.identification.simultaneous.regressors import _lightly_smoothed
+from stagectl.identification.capture import Array, Capture
+from stagectl.identification.simultaneous.friction_columns import followed, path
+from stagectl.identification.simultaneous.regressors import Part, _lightly_smoothed, stepped
 from stagectl.identification.simultaneous.sensor_noise import _differences
+from stagectl.identification.simultaneous.windows import Rows, resolution
 
 
 def test_the_operators_follow_a_motion_and_a_third_of_the_rounding() -> None:
@@ -26,3 +29,34 @@ def test_fourth_differences_tell_noise_from_a_motion_that_is_sampled_slowly() ->
     assert _differences(noise, 2) == pytest.approx(_differences(noise, 1), rel=0.05)
     assert _differences(jumps, 2) == pytest.approx(2.0 * _differences(jumps, 1), rel=0.05)
     assert _differences(smooth, 2) > 100.0 * _differences(smooth, 1)
+
+
+TIME: Array = np.arange(4000, dtype=np.float64) * 5e-3
+COUNT = 1e-5
+
+
+def moved(noise: Array) -> Capture:
+    """A sine of 1 rad with this `noise` (n,) rad, without a current."""
+    position = np.sin(2.0 * np.pi * 0.7 * TIME) + noise
+    return Capture("sine", TIME, position, np.zeros(len(TIME)), 5e-3, encoder_step=COUNT)
+
+
+def test_noise_that_grows_with_the_speed_is_no_rounding_and_does_not_hide_a_reversal() -> None:
+    """Time stamps that jitter by 0.3 ms: at a reversal the axis does not move meanwhile."""
+    late = np.random.default_rng(4).normal(0.0, 0.3e-3, len(TIME))
+    jitter = moved(4.4 * np.cos(2.0 * np.pi * 0.7 * TIME) * late)
+    even = moved(np.random.default_rng(4).normal(0.0, 1e-3, len(TIME)))
+    assert resolution(jitter) < 0.3 * resolution(even)
+    assert not stepped(Part(jitter, Rows(0, 1, 6), 6))
+    assert stepped(Part(moved(np.zeros(len(TIME))), Rows(0, 1, 6), 6))
+
+
+def test_a_model_that_strays_from_the_rows_is_not_followed() -> None:
+    """One of next to no inertia, whose acceleration is what force and friction leave over next to nothing."""
+    capture = moved(np.zeros(len(TIME)))
+    p = Part(capture, Rows(30, 600, 6), 6)
+    along = path(p, np.zeros(600))
+    wild = 300.0 * np.sign(np.sin(2.0 * np.pi * 9.0 * along.dt * np.arange(len(along.position))))
+    assert followed(p, along, wild) is along
+    right = -((2.0 * np.pi * 0.7) ** 2) * along.position
+    assert followed(p, along, right) is not along

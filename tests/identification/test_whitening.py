@@ -64,3 +64,11 @@ def stated(column: NDArray[np.float64]) -> float:
 def test_a_short_or_empty_residual_is_left_as_it_is() -> None:
     for values in (np.ones(15), np.zeros(500)):
         np.testing.assert_array_equal(whitening.of(values, (len(values),), OPEN)(values), values)
+
+
+def test_noise_in_a_column_is_no_more_than_it_has_at_any_frequency() -> None:
+    """A motion below a tenth of the band hides no noise above it, and is none itself."""
+    noise = np.random.default_rng(5).normal(0.0, 0.1, sum(ROWS))
+    motion = np.concatenate([3.0 * np.sin(0.2 * np.arange(rows)) for rows in ROWS])
+    assert whitening.floor(motion, ROWS, OPEN) < 1e-4
+    assert whitening.floor(motion + noise, ROWS, OPEN) == pytest.approx(0.01, rel=0.1)

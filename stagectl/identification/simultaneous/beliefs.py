@@ -26,9 +26,10 @@ MECHANICAL = (ACCELERATION, VELOCITY)
 class Beliefs(NamedTuple):
     """Inertia, viscous friction and Coulomb friction before the fit."""
 
-    mean: tuple[float, float]  # of inertia and viscous friction: the stage file's
+    mean: tuple[float, float]  # of inertia and viscous friction: the stage file's, or the rough model's where doubted
     deviation: tuple[float, float]
     doubted: tuple[bool, bool]  # whether the log says that the stage file's value is wrong by far
+    inertia: float  # kg m^2 | kg, of the rough model: a search begins there
     coulomb: float  # N m | N, about
 
     @property
@@ -57,9 +58,12 @@ def beliefs(seen: Motion, file: StageFile, delay: float) -> Beliefs:
     choices = [(bool(first), bool(second)) for first, second in itertools.product((False, True), repeat=2)]
     doubted = max(choices, key=lambda choice: known(choice, worth).log_evidence)
     rough = 1.0 / (thresholds.WINDOW_CORRELATION * (thresholds.ROUGH_RESIDUAL * rms) ** 2)
-    friction = max(abs(float(known(doubted, rough).mean[-1])), thresholds.LEAST_FRICTION * rms)
-    inertia, viscous = np.where(doubted, wide, narrow).tolist()
-    return Beliefs(mean, (inertia, viscous), doubted, friction)
+    found = known(doubted, rough).mean
+    inertia = max(float(found[ACCELERATION]), thresholds.LEAST_INERTIA * mean[0])
+    center = np.where(doubted, [inertia, found[VELOCITY]], mean).tolist()
+    spread = np.where(doubted, wide, narrow).tolist()
+    friction = max(abs(float(found[-1])), thresholds.LEAST_FRICTION * rms)
+    return Beliefs((center[0], center[1]), (spread[0], spread[1]), doubted, inertia, friction)
 
 
 def _state(seen: Motion) -> Array:

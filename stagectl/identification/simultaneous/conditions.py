@@ -89,7 +89,7 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
     longest = f"{1e3 * widest:.0f} ms"
     larger = (
         "the motion must go beyond presliding (first condition of the paper), and be fast enough to determine the "
-        "inertia: record a larger or faster one"
+        "inertia: record a larger or faster one, or use least-squares, which filters more of it"
     )
     reason = Refusal.NOISE
     if thresholds.LEAST_KNOT_ROWS * rows * capture.dt > thresholds.LONGEST_KNOTS:

@@ -37,9 +37,9 @@ from scipy.linalg import cho_solve
 from stagectl import gaussian_evidence as gaussian
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous import temper
+from stagectl.identification.simultaneous import temper, whitening
 from stagectl.identification.simultaneous.model import Forces, Problem, Scales
-from stagectl.identification.simultaneous.regressors import ACCELERATION
+from stagectl.identification.simultaneous.regressors import ACCELERATION, window_correlation
 from stagectl.identification.simultaneous.sensor_noise import current_noise, rounding_noise
 
 
@@ -100,6 +100,10 @@ def answered(p: Problem) -> Answer:
     p = _without_noise(p, forces, first.scales)
     fits = _searched(p, forces)
     best = _most_probable(fits)
+    if plain := _plain(p, best, forces):
+        p, forces = plain, plain.forces(p.delay.nodes)
+        fits = _searched(p, forces)
+        best = _most_probable(fits)
     residual = p.whitening(_residual(p, best, forces))
     share = temper.form_share(p, residual, best.variance, best.known.mean[:, best.best])
     worth = temper.worth(residual, share)
@@ -116,6 +120,22 @@ def answered(p: Problem) -> Answer:
     return Answer(p, fits, [weight / total for weight in weights], worth, share)
 
 
+def _plain(p: Problem, best: Fit, forces: Forces) -> Problem | None:
+    """The problem with its rows as they are, if they leave far less of the force than the `best` fit of whitened ones.
+
+    Both find the same parameters where the model holds, one of them with more chance.  Where it does not, whitening
+    asks frequencies of which next to nothing is motion (J. A. Hausman, Econometrica 46(6), 1978).
+    """
+    if p.stepped:
+        return None
+    plain = p.whitened(whitening.none(p.whitening.rows))
+    at = plain.forces(p.delay.nodes)
+    plain = _without_noise(plain, at, best.scales)
+    fit = _settled(plain, at, best.scales, _rough_variance(plain, at))
+    left, least = (float(np.std(one)) for one in (_residual(p, best, forces), _residual(plain, fit, at)))
+    return plain if left > thresholds.WHITE_LEAVES * least else None
+
+
 def _most_probable(fits: list[Fit]) -> Fit:
     return max(fits, key=lambda fit: float(fit.log_weight.max()))
 
@@ -130,13 +150,15 @@ def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
     full, rounded = p.gram, rounding_noise(p.parts, p.whitening.response)
     sensed = p.file.motor.force_constant**2 * np.array(current_noise(p.parts, p.whitening.response))
     most = thresholds.MOST_NOISE * _alone(full, ACCELERATION)
+    floor = whitening.floor(p.white[:, ACCELERATION], p.whitening.kept, window_correlation(p.parts[0]))
     for _ in range(thresholds.NOISE_ROUNDS):
         fit = _settled(p, forces, scales, _rough_variance(p, forces))
         inertia = max(
             float(fit.known.mean[ACCELERATION, fit.best]), thresholds.LEAST_INERTIA * p.file.mechanics.inertia
         )
         # A controller answers rounding with a current, which looks like the sensor's noise: rounding is the least.
-        most_moved, least_moved = np.clip(fit.variance - sensed, min(rounded * inertia**2, fit.variance), fit.variance)
+        possible = min(fit.variance, floor * inertia**2)
+        most_moved, least_moved = np.clip(fit.variance - sensed, min(rounded * inertia**2, possible), possible)
         moved, doubt = 0.5 * (most_moved + least_moved), (most_moved - least_moved) / math.sqrt(12.0)
         if p.stepped:
             moved, doubt = min(rounded * inertia**2, fit.variance), 0.0

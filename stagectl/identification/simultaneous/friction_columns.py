@@ -135,15 +135,19 @@ def path(p: Part, velocity: Array) -> Path:
 def followed(p: Part, along: Path, acceleration: Array) -> Path:
     """The path (n,) of a model's `acceleration` (n,) that follows the measured positions below the window's cut-off.
 
-    Between rows, and within an encoder step, the model knows the motion better than the encoder does.
+    Between rows, and within an encoder step, the model knows the motion better than the encoder does.  A model that
+    strays from the rows by more than the path bends between them, as one of next to no inertia, is not followed.
     """
-    step = round(p.capture.dt / along.dt)
+    step, measured = round(p.capture.dt / along.dt), p.capture.position - p.capture.position[0]
     model = np.cumsum(np.cumsum(acceleration)) * along.dt**2
-    left = p.capture.position - p.capture.position[0] - model[::step]
+    left = measured - model[::step]
     weights = window(p.wide, p.capture.dt)
     half = len(weights) // 2
     slow = np.convolve(np.pad(left, half, mode="reflect", reflect_type="odd"), weights, "valid")
     position = model + (CubicSpline(np.arange(len(slow)), slow)(np.arange(len(model)) / step) if step > 1 else slow)
+    bend = float(np.std(np.diff(measured, 2))) / 8.0
+    if float(np.std(position[::step] - measured)) > max(resolution(p.capture), bend):
+        return along
     return along._replace(position=position, velocity=np.asarray(np.gradient(position, along.dt)))
 
 

@@ -161,8 +161,7 @@ def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool
     scatter = math.sqrt(thresholds.WINDOW_CORRELATION) * float(np.std(noise(left)))
     seen = seen._replace(paths=[_followed(p, x, ranked[0], seen, file) for p, x in zip(parts, seen.paths, strict=True)])
     white = _setting(seen, known, file, delay, noise)._replace(noise=scatter)
-    if any(stepped(p) for p in parts):  # what is not rounding; the controller's answer to it is in the current
-        white = white._replace(sensed=max(0.0, scatter**2 - _rounding(parts, noise, file)))
+    white = white._replace(sensed=_sensed(white, parts, noise, file))
     ranked = refinement.refined_again(white, ranked)
     law, best = laws.LAWS[ranked[0].name], ranked[0]
     matrix = np.column_stack(
@@ -192,6 +191,14 @@ def _rough(seen: Motion, before: Beliefs, file: StageFile, delay: DelayPrior) ->
     noise = whitening.with_corner([p.rows for p in seen.parts], power**0.25 * row)
     scatter = math.sqrt(rough + _rounding(seen.parts, noise, file))
     return _setting(seen, before, file, delay, noise)._replace(sensed=rough, noise=scatter)
+
+
+def _sensed(white: refinement.Setting, parts: list[Part], noise: Whitening, file: StageFile) -> float:
+    """Variance (N m)^2 | N^2 of the noise that is not in the acceleration."""
+    if any(stepped(p) for p in parts):  # what is not rounding; the controller's answer to it is in the current
+        return max(0.0, white.noise**2 - _rounding(parts, noise, file))
+    possible = whitening.floor(white.acceleration, noise.kept, window_correlation(parts[0]))
+    return max(white.sensed, white.noise**2 - thresholds.WINDOW_CORRELATION * white.inertia**2 * possible)
 
 
 def _rounding(parts: list[Part], noise: Whitening, file: StageFile) -> float:
@@ -245,6 +252,7 @@ def _setting(
         (delay.mean, delay.deviation),
         before.mean[0],
         before.inertia_doubt,
+        math.log(before.inertia / before.mean[0]) / before.inertia_doubt,
         file.motor.force_constant**2 * float(np.mean(current_noise(heads, white.response))),
         thresholds.ROUGH_NOISE * coulomb,
     )

@@ -97,8 +97,8 @@ def _correlation(p: Estimate, name: str, other: str) -> float:
 
 
 def _contradicted(p: Estimate) -> Iterator[Note]:
-    before = p.problem.before
-    for name, value, doubted in zip(("inertia", "viscous"), before.mean, before.doubted, strict=True):
+    stated = (p.file.mechanics.inertia, p.file.mechanics.viscous)
+    for name, value, doubted in zip(("inertia", "viscous"), stated, p.problem.before.doubted, strict=True):
         if doubted:
             text = (
                 f"{name}: the record contradicts the stage file's {value:.3g} {p.parameters[name].unit}, which counted "

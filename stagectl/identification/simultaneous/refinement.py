@@ -58,6 +58,7 @@ class Setting(NamedTuple):
     delay: tuple[float, float]  # mean and deviation before the data, s; deviation 0: given
     inertia: float  # kg m^2 | kg, before the data
     doubt: float  # standard deviation of its logarithm
+    begin: float  # in these deviations, where a search of the inertia begins
     sensed: float  # variance of the residual that is the current sensor's, (N m)^2 | N^2
     noise: float  # standard deviation of the residual that a search assumes, N m | N
 
@@ -172,7 +173,7 @@ def _starts(name: str, at: Setting) -> list[Array]:
     law = LAWS[name]
     low, high = _edges(law, at)
     points = itertools.product(*(thresholds.LAW_GRID[kind] for kind in law.searched))
-    grid = [low + (high - low) * np.array([*shares, 0.5, 0.5]) for shares in points]
+    grid = [np.r_[(low + (high - low) * [*shares, 0.5, 0.5])[:-1], at.begin] for shares in points]
     misfit = _misfit(law, at, _along(law, at))
     return sorted(grid, key=lambda u: float(np.sum(misfit(u) ** 2)))[: thresholds.LAW_STARTS]
 

@@ -22,6 +22,7 @@ from stagectl.identification.simultaneous.windows import (
     acceleration,
     delayed,
     margin,
+    only_rounds,
     resolution,
     shortest_knots,
     smoothed,
@@ -132,8 +133,13 @@ def stepped(p: Part) -> bool:
 
 
 def _seen(capture: Capture, wide: int) -> bool:
-    """Whether noise takes a window so `wide`; where few samples hide it, the sampling is too slow to follow it."""
-    return wide >= max(thresholds.STEPPED_WIDE * shortest_knots(capture), thresholds.LEAST_KNOT_ROWS)
+    """Whether rounding takes a window so `wide`; where few samples hide it, the sampling is too slow to follow it.
+
+    Noise beyond rounding has a spectrum of its own, and no filter of rounding whitens it: time stamps that jitter are
+    a noise that grows with the speed.
+    """
+    enough = max(thresholds.STEPPED_WIDE * shortest_knots(capture), thresholds.LEAST_KNOT_ROWS)
+    return wide >= enough and only_rounds(capture)
 
 
 def coarse(p: Part) -> bool:

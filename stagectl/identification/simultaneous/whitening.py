@@ -133,6 +133,16 @@ def of(residual: Array, rows: Sequence[int], window: Array) -> Whitening:
     return Whitening(min((_predictor(products[: p + 1]) for p in range(most + 1)), key=criterion), tuple(rows))
 
 
+def floor(column: Array, rows: Sequence[int], window: Array) -> float:
+    """Largest variance of white noise, after the window, that is in a whitened `column` (n,): at no frequency more."""
+    least = 0.0
+    for part in np.split(column, np.cumsum(rows)[:-1]):
+        power = _before(part, window)
+        bands = np.array_split(power[power > 0.0], thresholds.BANDS)
+        least += min(float(band.mean()) if len(band) else 0.0 for band in bands)
+    return least / len(column)
+
+
 def _predictor(products: Array) -> Array:
     """Weights (p + 1,) of the prediction error by the p values before."""
     if len(products) == 1:

@@ -96,16 +96,35 @@ def acceleration(capture: Capture, q: int, order: int = 2) -> Array:
 
 def position_noise(capture: Capture) -> float:
     """Standard deviation of the position's noise: that of rounding, or of high differences where it is larger."""
-    order = thresholds.NOISE_DIFFERENCES
-    differences = np.abs(np.diff(capture.position, order))
-    seen = float(np.median(differences)) / 0.6745 / math.sqrt(math.comb(2 * order, order)) if len(differences) else 0.0
-    return max(capture.encoder_step / math.sqrt(12.0), seen)
+    return max(capture.encoder_step / math.sqrt(12.0), _seen(_differences(capture)[0]))
+
+
+def only_rounds(capture: Capture) -> bool:
+    """Whether the position shows no more noise than its encoder's rounding."""
+    return position_noise(capture) <= thresholds.BEYOND_ROUNDING * capture.encoder_step / math.sqrt(12.0)
 
 
 def resolution(capture: Capture) -> float:
     """The encoder step (rad | m), or that whose rounding would be as much as the noise where the position has far more.
 
-    Time stamps that jitter, an estimated angle, an analogue sensor: a stage file says nothing of them.
+    Time stamps that jitter, an estimated angle, an analogue sensor: a stage file says nothing of them.  What counts is
+    how well a reversal is seen, so the noise is that of the slowest rows where it is less: that of jitter grows with
+    the speed.  Where it is more, it is the friction that reverses there.
     """
-    seen = math.sqrt(12.0) * position_noise(capture)
+    differences, travel = _differences(capture)
+    slow = travel <= np.quantile(travel, thresholds.SLOWEST_ROWS) if len(travel) else travel > 0.0
+    seen = math.sqrt(12.0) * min(_seen(differences), _seen(differences[slow]))
     return seen if seen > thresholds.BEYOND_ROUNDING * capture.encoder_step else capture.encoder_step
+
+
+def _differences(capture: Capture) -> tuple[Array, Array]:
+    """High differences (n,) of the position, of which white noise keeps its variance, and the travel meanwhile."""
+    order = thresholds.NOISE_DIFFERENCES
+    size = math.sqrt(math.comb(2 * order, order))
+    travel = np.abs(capture.position[order:] - capture.position[:-order])
+    return np.diff(capture.position, order) / size, travel
+
+
+def _seen(differences: Array) -> float:
+    """Standard deviation that normal differences of this median have."""
+    return float(np.median(np.abs(differences))) / 0.6745 if len(differences) else 0.0
