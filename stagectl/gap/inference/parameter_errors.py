@@ -35,6 +35,7 @@ UNITS = {
 }  # rotary | linear
 
 
+EVEN = 0.5  # probability: as likely as not
 POSITIVE = ("inertia", "viscous", "coulomb", "presliding", "dead_time")
 
 
@@ -54,7 +55,7 @@ class Shift(NamedTuple):
     @property
     def sure(self) -> bool:
         """Whether it counts."""
-        return self.probability > 0.5 and self.share > thresholds.SHIFT_SHARE
+        return self.probability > EVEN and self.share > thresholds.SHIFT_SHARE
 
 
 class Material(NamedTuple):
@@ -166,7 +167,8 @@ def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike:
 def _probability(name: str, p: Estimate) -> float:
     """Probability that a parameter has changed, and by more than what matters for a model.
 
-    Of the values between which it lies, that counts which is nearest to the nominal one.
+    Of the values between which it lies, that counts which is nearest to the nominal one.  At most even where the
+    interval holds the nominal value: the prior alone is no finding.
     """
     spread, moved = max(p.deviation, 1e-9 * p.scale), p.value - p.nominal
     moved = min(moved + p.larger, 0.0) if moved < 0.0 else moved
@@ -174,7 +176,8 @@ def _probability(name: str, p: Estimate) -> float:
     odds = np.log(shift_odds(name, p.nominal)) + factor
     least = thresholds.SHIFT_LEAST[name] * p.scale
     beyond = ndtr((moved - least) / spread) + ndtr((-moved - least) / spread)
-    return float(expit(odds) * beyond)
+    probability = float(expit(odds) * beyond)
+    return probability if abs(moved) > NORMAL * spread else min(probability, EVEN)
 
 
 def shift_odds(name: str, nominal: float) -> float:

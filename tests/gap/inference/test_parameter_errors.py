@@ -57,6 +57,7 @@ def test_otherwise_it_is_no_candidate(shifts: list[Shift]) -> None:
     ("value", "deviation", "share", "sure"),
     [
         (1.05, 0.01, 0.3, True),
+        (1.28, 0.15, 0.3, False),  # p 0.64 by its size, and 95 % hold the nominal value
         (1.012, 0.002, 0.3, True),
         (1.009, 0.002, 0.3, False),
         (1.005, 0.0, 0.3, False),
