@@ -124,7 +124,7 @@ def test_it_does_not_end_the_motion_of_somebody_else(machine: Served) -> None:
     with pytest.raises(RefusedError, match="move is not possible"):
         machine.ask("POST", "jog", press=next(PRESSES), speed="5 mm/s")
     time.sleep(2.0 * HELD)
-    assert machine.axis()["state"] == "moving"
+    assert machine.heard()["state"] == "moving"
     machine.ask("POST", "stop")
 
 

@@ -47,7 +47,7 @@ def disabled(machine: Served) -> None:
 
 
 def test_from_power_to_a_position_and_back(machine: Served, command: Command) -> None:
-    assert machine.axis()["state"] == "disabled"
+    assert machine.heard()["state"] == "disabled"
     with pytest.raises(RefusedError, match="state disabled"):
         machine.ask("POST", "move", to={"axis": "2 mm"})
     assert command("enable", "--socket", machine.socket)[0] == 0
@@ -99,7 +99,7 @@ def test_who_may_do_what(machine: Served, tmp_path: Path) -> None:
     assert asked("GET", {"Authorization": "Bearer " + "x" * 43}) == 401
     assert asked("GET", right) == 200
     assert asked("POST", right) == 403
-    assert machine.axis()["state"] == "disabled"
+    assert machine.heard()["state"] == "disabled"
     with pytest.raises(ControlError, match="no service answers"):
         ask(tmp_path / "nowhere.sock", "GET", "/v1/status")
 
@@ -176,7 +176,7 @@ def test_nothing_begins_before_a_stop_is_taken_again(machine: Served) -> None:
     finally:
         os.kill(late, signal.SIGCONT)
     moving.join(60.0)
-    assert machine.axis()["state"] == "moving"
+    assert machine.heard()["state"] == "moving"
 
 
 def test_a_stop_path_that_dies_before_it_is_ready_is_replaced(machine: Served) -> None:
@@ -201,7 +201,7 @@ def test_the_black_box_killed(machine: Served) -> None:
     machine.kill("stagectl.service.black_box")
     within(20.0, lambda: "blackbox_died" in machine.faults())
     assert machine.faults()[-1] == "blackbox_died"
-    assert machine.axis()["state"] == "moving"  # the axis goes its way
+    assert machine.heard()["state"] == "moving"  # the axis goes its way
     assert machine.child("stagectl.service.black_box")
     assert machine.holds_no_more_than(held)
 
@@ -212,7 +212,7 @@ def test_the_service_killed_in_mid_motion(machine: Served) -> None:
     boxes = machine.boxes()
     machine.kill()
     machine.start()
-    assert machine.axis()["state"] == "disabled"
+    assert machine.heard()["state"] == "disabled"
     assert machine.faults()[0] == "service_died"
     within(60.0, lambda: machine.boxes() != boxes)  # the dead service's black box may still be writing
     (kept,) = [path for path in machine.boxes() if path not in boxes]

@@ -221,7 +221,7 @@ def test_a_jog_that_is_refused_is_told(view: Any, machine: Served) -> None:
     page.keyboard.down(" ")
     shown.until("#said", "take a lower speed")
     page.keyboard.up(" ")
-    assert machine.axis()["state"] == "standing"
+    assert machine.heard()["state"] == "standing"
 
 
 def test_who_may_only_read_sees_no_buttons(view: Any) -> None:
@@ -466,7 +466,7 @@ def test_gains_are_changed_while_it_stands(view: Any, machine: Served) -> None:
     page.keyboard.press("Enter")
     shown.until("#gains-said", "in force")
     assert machine.ask("GET", "parameters")["axis"]["bandwidth"] == 35.0
-    assert machine.axis()["state"] == "standing" and abs(machine.heard()["error"]) < 1e-6
+    assert machine.heard()["state"] == "standing" and abs(machine.heard()["error"]) < 1e-6
     field.fill("400 Hz")
     page.keyboard.press("Enter")
     shown.until("#gains-said", "margin")
