@@ -115,6 +115,7 @@ def headline(tuned: Tuned) -> str:
 def _binding(tuned: Tuned) -> str:
     words = f"It is the fastest that keeps a phase margin of {math.degrees(tuned.demand.margin):g} deg"
     words += f" and Ms <= {tuned.demand.peak:g}" if math.isfinite(tuned.demand.peak) else ""
+    words += ", and comes to rest" if tuned.demand.at_rest else ""
     words += f".  The limit, at 1 % more: {' and '.join(tuned.binding)}."
     if tuned.without_peak is not None:
         words += f"  The phase margin alone would allow {tuned.without_peak:g} Hz."
