@@ -19,7 +19,7 @@ from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
-from stagectl.gap.result.diagnosis import Value
+from stagectl.gap.result.diagnosis import NAMED, Value
 from stagectl.gap.selection import baseline_fit, constants, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
@@ -35,7 +35,6 @@ UNITS = {
 }  # rotary | linear
 
 
-EVEN = 0.5  # probability: as likely as not
 POSITIVE = ("inertia", "viscous", "coulomb", "presliding", "dead_time")
 
 
@@ -55,7 +54,7 @@ class Shift(NamedTuple):
     @property
     def sure(self) -> bool:
         """Whether it counts."""
-        return self.probability > EVEN and self.share > thresholds.SHIFT_SHARE
+        return self.probability > NAMED and self.share > thresholds.SHIFT_SHARE
 
 
 class Material(NamedTuple):
@@ -177,7 +176,7 @@ def _probability(name: str, p: Estimate) -> float:
     least = thresholds.SHIFT_LEAST[name] * p.scale
     beyond = ndtr((moved - least) / spread) + ndtr((-moved - least) / spread)
     probability = float(expit(odds) * beyond)
-    return probability if abs(moved) > NORMAL * spread else min(probability, EVEN)
+    return probability if abs(moved) > NORMAL * spread else min(probability, NAMED)
 
 
 def shift_odds(name: str, nominal: float) -> float:

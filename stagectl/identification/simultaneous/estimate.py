@@ -93,12 +93,13 @@ def estimated(answer: Answer) -> Estimate:
     mean, covariance = answer.moments(sums)
     delay = _delay(p, answer, sums, float(covariance[-1, -1]))
     shift = _answered_noise(p, answer, sums, delay)
-    noise = p.noise_doubt * _added_by_noise(p, answer, sums, delay, shift)
+    added = _added_by_noise(p, answer, sums, delay, shift)
+    noise = p.noise_doubt * added
     mean, covariance = mean - shift, covariance + thresholds.OTHER_LOOP**2 * np.outer(shift, shift)
     covariance += np.outer(noise, noise)
     theta = best.known.mean[:, best.best]
     residual = p.forces(best.delays[[best.best]]).rows[:, 0] - p.columns @ theta
-    bands = _bands(p, answer, sums, delay, p.whitening(residual), shift)
+    bands = _bands(p, answer, sums, delay, p.whitening(residual), added)
     bands[-1] = max(bands[-1], p.delay.deviation and _uneven(p) ** 2)
     factors = np.sqrt(np.maximum(bands / np.maximum(np.diag(covariance), 1e-300), 1.0))
     covariance *= np.outer(factors, factors)
@@ -141,15 +142,14 @@ def _answered_noise(p: Problem, answer: Answer, sums: Array, delay: _Delay) -> A
     return np.append(sums @ direct, 0.0) + late * delay.variance * delay.parameters
 
 
-def _bands(p: Problem, answer: Answer, sums: Array, delay: _Delay, residual: Array, shift: Array) -> Array:
+def _bands(p: Problem, answer: Answer, sums: Array, delay: _Delay, residual: Array, added: Array) -> Array:
     """Variances (5,) of NAMES as the frequencies of the whitened `residual` disagree on them; 0 where one is given."""
     direct = cho_solve(answer.best.known.factor, sums.T).T
     late = answer.power * delay.variance * (p.white @ delay.weights - delay.slope)
     influence = np.vstack([answer.power * direct @ p.white.T, np.zeros(len(late))]) + np.outer(delay.parameters, late)
-    expected = _added_by_noise(p, answer, sums, delay, shift)
     kept = p.whitening.kept
     return np.array(
-        [agreement.variance(of, residual, more, kept) for of, more in zip(influence, expected.tolist(), strict=True)]
+        [agreement.variance(of, residual, more, kept) for of, more in zip(influence, added.tolist(), strict=True)]
     )
 
 
