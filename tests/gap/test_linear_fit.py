@@ -93,3 +93,16 @@ def test_a_value_that_parts_of_the_data_contradict_is_not_known() -> None:
     """No noise within the parts: half of them say +1, half -1."""
     parts = _squares(np.array([[[10.0, 10.0 * sign]] for sign in (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)]))
     assert mean_square_error(parts, [0], np.zeros(1), np.zeros(1)).between[0, 0] ** 0.5 > 0.4
+
+
+def test_what_a_part_that_says_most_is_off_by_is_what_it_pulls_and_not_what_the_rest_says_without_it() -> None:
+    """One of eight parts says a hundred times as much: left out, the others would say five times the error."""
+    source, sizes = np.random.default_rng(6), np.array([100.0, *([1.0] * 7)])
+    squares, found = [], []
+    for _ in range(2000):
+        off = source.standard_normal(8) / np.sqrt(sizes)
+        parts = _fitted(np.array([[[n, n * x], [n * x, n * x * x]] for n, x in zip(sizes, off, strict=True)]))
+        squares.append(float(sizes @ off / sizes.sum()) ** 2)
+        found.append(mean_square_error(parts, [0], np.zeros(1), np.zeros(1)).between[0, 0])
+    student = (2.365 / 1.96) ** 2
+    assert np.mean(found) == pytest.approx(student * np.mean(squares), rel=0.15)

@@ -21,7 +21,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import least_squares, run_products
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.run_products import RunProducts
-from stagectl.gap.residuals.thresholds import LEAST_BLOCKS, SINGULAR_NUISANCE
+from stagectl.gap.residuals.thresholds import FLAT, LEAST_BLOCKS, SINGULAR_NUISANCE
 from stagectl.number_format import NORMAL as NORMAL
 from stagectl.parallel import in_parallel
 
@@ -132,23 +132,37 @@ def mean_square_error(parts: Array, places: Sequence[int], mean: Array, precisio
     """Of the columns at `places`.
 
     The prior lies at `mean` (k,) with the `precision` (k,): a direction that the data do not excite keeps its width.
-    The `parts` (b, p + 1, p + 1) of the data are left out in turn (the jackknife, with Student's factor of 95 % for
-    their number).  Source: B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982.
+    The `parts` (b, p + 1, p + 1) of the data contradict each other by what each pulls the fit by.  A part that says
+    most of a value has pulled the fit to itself, and the others say little without it: each pull counts as the
+    bias-reduced linearization has it, that is, for parts that say equally much as the jackknife has it, with Student's
+    factor of 95 % for their number.  Source: R. M. Bell, D. F. McCaffrey, Survey Methodology 28(2), 2002.
     """
     prior, whole, count = np.diag(precision), parts.sum(axis=0), len(parts)
-
-    def amplitudes(summed: Array) -> Array:
-        best: Array = least_squares.inverse(summed[np.ix_(places, places)] + prior) @ (
-            summed[places, -1] + precision * mean
-        )
-        return best
-
-    step, inverse = amplitudes(whole), least_squares.inverse(whole[np.ix_(places, places)] + prior)
-    if count < 2:  # nothing can be left out
+    known, rows = whole[np.ix_(places, places)] + prior, parts[:, places]
+    inverse = least_squares.inverse(known)
+    step: Array = inverse @ (whole[places, -1] + precision * mean)
+    if count < 2:  # no part contradicts another
         return MeanSquareError(step, 0.0 * inverse, inverse)
-    apart = np.array([amplitudes(whole - part) for part in parts]) - step
-    factor = (student_t.ppf(0.975, count - 1) / NORMAL) ** 2 * (count - 1) / count
+    apart = _pulls(known, rows[:, :, places], rows[:, :, -1] - rows[:, :, places] @ step)
+    factor = (student_t.ppf(0.975, count - 1) / NORMAL) ** 2
     return MeanSquareError(step, factor * apart.T @ apart, inverse @ prior @ inverse)
+
+
+def _pulls(known: Array, parts: Array, force: Array) -> Array:
+    """(b, k) What each of `parts` (b, k, k) of the normal equations `known` moves the solution by, with its `force`.
+
+    Of a direction that a part alone says, it says nothing against the others.
+    """
+    scale = least_squares.column_lengths(known)
+    size, axes = np.linalg.eigh(known / np.outer(scale, scale))
+    root = np.where(size > FLAT * size[-1], 1.0 / np.sqrt(np.maximum(size, FLAT * size[-1])), 0.0)
+    to_unit = root[:, None] * axes.T / scale  # (k, k) in whose coordinates `known` is one
+    share, own = np.linalg.eigh(to_unit @ parts @ to_unit.T)
+    of_others = 1.0 - share
+    weight = np.where(of_others > FLAT, np.maximum(of_others, FLAT) ** -0.5, 0.0)
+    along = np.einsum("bij,bi->bj", own, force @ to_unit.T)
+    pulls: Array = np.einsum("bij,bj->bi", own, weight * along) @ to_unit
+    return pulls
 
 
 def by_experiment(g: Grams) -> Array:
