@@ -9,7 +9,7 @@ from stagectl.gap.inference import cable_centre
 from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, least_squares
-from stagectl.gap.selection import bristle_members
+from stagectl.gap.selection import bristle_members, refine
 from stagectl.gap.selection.priors import WEIGHT
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
@@ -63,10 +63,20 @@ def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Join
     matrix = of_columns @ known.matrix @ of_columns.T + np.diag(np.square(of_centre))
     deviation = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     estimate = {}
-    for name, spread, larger in zip(names, deviation.tolist(), (of_columns @ known.larger).tolist(), strict=True):
+    before = _width(of_columns, e, known.names)
+    parts = zip(names, deviation.tolist(), before.tolist(), (of_columns @ known.larger).tolist(), strict=True)
+    for name, spread, prior, larger in parts:
         value, nominal, scale = values[name]
-        estimate[name] = Estimate(value, nominal, spread, scale, e.base.prior.width(name), larger)
+        estimate[name] = Estimate(value, nominal, spread, scale, prior, larger)
     return Joint(estimate, matrix)
+
+
+def _width(of_columns: Array, e: Evidence, columns: Sequence[str]) -> Array:
+    """(n,) Standard deviation before the data of each sum (n, k) of `columns`: a friction has that of all its forces."""
+    base = set(refine.moving(e))
+    each = [e.base.prior.width(name) if name in base else 0.0 for name in columns]
+    width: Array = np.hypot.reduce(of_columns * np.array(each), axis=1)
+    return width
 
 
 def whole_delay(p: stage.Stage, dt: float) -> float:

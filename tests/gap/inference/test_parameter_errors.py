@@ -1,14 +1,15 @@
 """Parameters that are off: what a force constant that is off would explain as well."""
 
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import stagectl as sc
-from stagectl.gap.inference import parameter_errors
+from stagectl.gap.inference import estimates, parameter_errors
 from stagectl.gap.inference.estimates import Estimate, Joint
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
 from stagectl.gap.residuals.gram_matrices import Grams
@@ -101,6 +102,16 @@ def test_a_sure_shift_is_as_probable_as_that_it_exceeds_what_matters(value: floa
 def test_of_a_parameter_that_was_not_excited_nothing_is_said() -> None:
     """Its interval is as wide as what was known before, and so beyond everything that matters."""
     assert parameter_errors._probability("inertia", Estimate(2.0, 2.0, 0.6, 2.0, 0.6)) < 0.5
+
+
+def test_what_is_known_of_a_friction_is_what_is_known_of_all_its_forces() -> None:
+    """Each may be off by 0.3 N m before the data, so that their sum may by the root of three times as much."""
+    names = ("inertia", "weight_0", "weight_1", "weight_2", "cogging.sine")
+    prior = SimpleNamespace(width=lambda name: 0.1 if name == "inertia" else 0.3)
+    base = SimpleNamespace(directions=[SimpleNamespace(name=name) for name in names[:4]], prior=prior)
+    rows = np.array([estimates._functional(name, names, 0.0) for name in ("inertia", "coulomb")])
+    width = estimates._width(rows, cast("Any", SimpleNamespace(base=base)), names)
+    assert width == pytest.approx([0.1, 0.3 * 3.0**0.5])
 
 
 def grams(names: tuple[str, ...], columns: NDArray[np.float64]) -> Grams:
