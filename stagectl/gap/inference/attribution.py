@@ -1,7 +1,8 @@
 """Whose the gap is: each named effect's share goes to its block and its coordinate, as the effect's record says.
 
 What the parameters of the model take is a part by itself, and what nothing explains stands as such.  Where an effect is
-named, block and coordinate are those of the effects; else those of the parameters or of the unexplained, of the larger.
+named, block and coordinate are those of the effects and of the drive's parameters, which are effects where a current
+is measured; else those of the parameters or of the unexplained, of the larger.
 """
 
 from collections.abc import Sequence
@@ -60,11 +61,15 @@ def blocks(parts: Sequence[Part], parity: CommandCheck, measured: bool) -> dict[
 
 
 def causes_of(parts: Sequence[Part]) -> list[Part]:
-    """The named effects; where there are none, the parameters or the unexplained: whichever of the two is more."""
+    """The named effects, and parameters that are none of the mechanics' own, which every machine has a little off.
+
+    Where no effect is named, all parameters or the unexplained: whichever of the two is more.
+    """
     effects = [part for part in parts if part.name not in (PARAMETERS, UNEXPLAINED)]
-    if effects:
-        return [part._replace(share=max(part.share, 1e-9)) for part in effects]
     of_parameters = [part for part in parts if part.name == PARAMETERS and part.share > 0.0]
+    if effects:
+        beside = [part for part in of_parameters if part.block != MECHANICS]
+        return [*(part._replace(share=max(part.share, 1e-9)) for part in effects), *beside]
     unexplained = [part for part in parts if part.name == UNEXPLAINED]
     return max(unexplained, of_parameters, key=lambda causes: sum(part.share for part in causes))
 

@@ -59,6 +59,17 @@ def test_the_block_is_that_of_the_named_effect_however_much_the_parameters_take(
     assert shares == {"controller": 0.0, "drive": 0.0, "mechanics": 0.0, "sensor": 1.0}
 
 
+def test_a_delay_of_the_drive_is_in_the_drive_beside_an_effect_of_the_mechanics() -> None:
+    """Without a measured current it is a parameter of the model, and there is no cut of the drive."""
+    parts = [
+        Part("cogging", "mechanics", "position_mod_pitch", 0.3),
+        Part(PARAMETERS, "mechanics", "acceleration", 0.4),
+        Part(PARAMETERS, "drive", "none", 0.1),
+    ]
+    shares = attribution.blocks([*parts, *REST], parity(), False)
+    assert (shares["mechanics"], shares["drive"]) == (pytest.approx(0.75), pytest.approx(0.25))
+
+
 def test_without_an_effect_the_parameters_count_or_the_unexplained_where_it_is_more() -> None:
     assert attribution.blocks([Part(PARAMETERS, "sensor", "none", 0.5), *REST], parity(), True)["sensor"] == 1.0
     for taken in (0.0, 0.1):
