@@ -11,7 +11,7 @@ _SMALL = 1e-12  # below it a number has no prefix
 _MOST_PLACES = 6  # decimal places
 _FREE = 7  # decimal places from which a number is written to four digits
 _PREFIXES = (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))  # and how many of its units are one
-_ANGLES = ("phase",)  # parameters in rad that are not a position of the axis
+_ANGLE = "phase"  # word in the name of a parameter in rad that is no position of the axis
 _PREFIXED = ("m", "s", "A", "m/s", "rad")  # units that take a prefix
 
 
@@ -133,10 +133,10 @@ def _decimals(estimate: Estimate, scale: float) -> int:
 
 def _unit(name: str, estimate: Estimate, travel: Travel) -> tuple[float, str]:
     """SI size of the unit that a parameter is shown in, and its name."""
-    unit, per = estimate.unit, 1.0
-    if unit.split("/")[0] == "rad" and travel.unit == "m" and travel.rotary and name not in _ANGLES:
+    unit, per, angle = estimate.unit, 1.0, _ANGLE in name.split("_")
+    if unit.split("/")[0] == "rad" and travel.unit == "m" and travel.rotary and not angle:
         unit, per = unit.replace("rad", "m", 1), travel.per_unit
-    if unit not in _PREFIXED or name in _ANGLES or estimate.value == 0.0:
+    if unit not in _PREFIXED or angle or estimate.value == 0.0:
         return 1.0 / per, unit
     letter, scale = _of_time(abs(estimate.value)) if unit == "s" else _fitting(abs(estimate.value) * per)
     return 1.0 / (scale * per), f"{letter}{unit}"

@@ -33,7 +33,8 @@ def test_numbers_share_the_prefix_of_the_largest() -> None:
 
 def test_parameters_have_the_digits_of_their_interval() -> None:
     assert interval("time", Value(0.00123, 0.00113, 0.00133, "s"), TRAVEL) == "1.23 ms (1.13 to 1.33)"
-    assert interval("phase", Value(1.2, 1.05, 1.35, "rad"), TRAVEL) == "1.20 rad (1.05 to 1.35)"
+    for name in ("phase", "second_phase", "phase_1"):
+        assert interval(name, Value(1.2, 1.05, 1.35, "rad"), TRAVEL) == "1.20 rad (1.05 to 1.35)"
     assert interval("slip", Value(2.0 * MICRON, 1.9 * MICRON, 2.1 * MICRON, "rad"), TRAVEL) == "2.00 µm (1.90 to 2.10)"
     assert interval("order", Value(4.0, 4.0, 4.0, ""), TRAVEL) == "4 (4 to 4)"
     assert interval("rise", Value(0.3, -math.inf, math.inf, ""), TRAVEL) == "0.3"

@@ -8,14 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.controller_check.command_check import CommandCheck
-from stagectl.gap.inference import (
-    attribution,
-    cable_centre,
-    parameter_errors,
-    shifted_parameters,
-    time_localisation,
-    verdict,
-)
+from stagectl.gap.inference import attribution, parameter_errors, shifted_parameters, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import coordinates
 from stagectl.gap.inference.shape_fits import with_shape
@@ -58,8 +51,7 @@ def conclude(
     now, sure = selected.fitted, verdict.only_named(e, selected)
     shape = unknown(e, sure, functions)
     known = list(errors(e, library, now, functions).values())
-    largest = {name: max(each.deviations()[name] for each in known) for name in known[0].names}
-    effects = verdict.named_effects(session, e, selected, cable_centre.with_centre(now, largest))
+    effects = verdict.named_effects(session, e, selected, known)
     before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
     shifts = [
         shift._replace(probability=min(shift.probability, selected.probability.get(shift.name, 1.0)))

@@ -8,6 +8,7 @@ Source of errors by several divisions: A. C. Cameron, J. B. Gelbach, D. L. Mille
 Statistics 29(2), 2011.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -51,6 +52,12 @@ class Errors(NamedTuple):
         error = np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
         return dict(zip(self.names, error.tolist(), strict=True))
 
+    def of(self, names: Sequence[str]) -> Array:
+        """(n, n) Mean square errors of the parameters `names`."""
+        places = [self.names.index(name) for name in names]
+        chosen: Array = self.matrix[np.ix_(places, places)]
+        return chosen
+
 
 def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> dict[str, Errors]:
     """Of all parameters of `now`, with their priors and the friction's form: by the way to divide the data.
@@ -67,7 +74,7 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
     mean = np.concatenate([prior.mean for prior in nuisances])
     precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
     apart = _by_the_command(e, now, products, (places, precision / powers[0]))
-    diluted = _dilution(g.effort.sum(axis=0)[np.ix_(places, places)], names, now, left[0])
+    diluted = _dilution(g.effort.sum(axis=0)[np.ix_(places, places)], names, now, left[0], _jitter(e))
     found = {}
     for way, parts in ways(g, products, now, smooth).items():
         error = gram_matrices.mean_square_error(np.tensordot(parts, powers, (1, 0)), places, mean, precision)
@@ -98,17 +105,27 @@ def _by_the_command(
     return changed
 
 
-def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float) -> Array:
+def _dilution(a: Array, names: Sequence[str], now: Fitted, left: float, jitter: float) -> Array:
     """(k,) How much larger each value may be, as what is `left` (sum of squares) may be motion and no force.
 
     An acceleration is the log's motion twice differentiated: jitter of the time stamps, a filter or aliasing make more
     of it than any other column.  Then the regression of the force on it gives too little inertia, and that of it on the
-    force too much; the true one lies between.  `a` (k, k) are the columns' products.  Source: R. Frisch, Statistical
-    Confluence Analysis by Means of Complete Regression Systems, 1934.
+    force too much; the true one lies between, and needs no more force than there is for what is more than `jitter` (sum
+    of squares) of it.  `a` (k, k) are the columns' products.  Source: R. Frisch, Statistical Confluence Analysis by
+    Means of Complete Regression Systems, 1934.
     """
     apart = np.diag(least_squares.inverse(a))  # one over the square of each column, less what the others make of it
-    inertia = now.model.stage.mechanics.inertia
-    return np.array([max(left, 0.0) * apart[k] / inertia if name == "inertia" else 0.0 for k, name in enumerate(names)])
+    inertia, largest = now.model.stage.mechanics.inertia, np.zeros(len(names))
+    for k in [k for k, name in enumerate(names) if name == "inertia" and apart[k] > 0.0]:
+        by_motion, sure = inertia + max(left, 0.0) * apart[k] / inertia, 1.0 - jitter * apart[k]
+        largest[k] = min(by_motion, math.sqrt(inertia * by_motion / sure) if sure > 0.0 else math.inf) - inertia
+    return largest
+
+
+def _jitter(e: Evidence) -> float:
+    """Sum of squares that noise makes of an inertia's column: no more than what makes the unit noise of a sample."""
+    samples = sum(float(np.sum(run.weight * run.weight)) for run in e.runs)
+    return samples / e.base.prior.nominal.stage.mechanics.inertia**2
 
 
 def ways(g: Grams, products: gram_matrices.Products, now: Fitted, smooth: BasisColumns) -> dict[str, Array]:

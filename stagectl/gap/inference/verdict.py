@@ -1,13 +1,13 @@
 """From fits to names: effects with their probabilities, their alternatives, their values and intervals."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Data, units_of
-from stagectl.gap.inference import thresholds
+from stagectl.gap.inference import amplitudes, cable_centre, thresholds
 from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.inference.signatures import DriveSignature
+from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
@@ -21,14 +21,12 @@ from stagectl.units import unit_on
 DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects that are one, and its name among their values
 
 
-def named_effects(
-    session: Session, e: Evidence, selected: Selection, deviation: Mapping[str, float]
-) -> list[FoundEffect]:
+def named_effects(session: Session, e: Evidence, selected: Selection, known: Sequence[Errors]) -> list[FoundEffect]:
     """The effects that were selected, those with the largest gains first.
 
-    `deviation` holds the standard deviations of all parameters.
+    `known` holds the errors of all parameters, by each way to divide the data.
     """
-    effects = [_effect(session, e, selected, fitted, deviation) for fitted in selected.fitted.effects]
+    effects = [_effect(session, e, selected, fitted, known) for fitted in selected.fitted.effects]
     ranked = sorted(effects, key=lambda effect: -selected.gains[effect.name])
     return [part for effect in ranked for part in _split(effect)]
 
@@ -63,7 +61,7 @@ def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[DriveSi
 
 
 def _effect(
-    session: Session, e: Evidence, selected: Selection, fitted: EffectValues, deviation: Mapping[str, float]
+    session: Session, e: Evidence, selected: Selection, fitted: EffectValues, known: Sequence[Errors]
 ) -> FoundEffect:
     name, now = fitted.effect.name, selected.fitted
     rest = [other for other in now.effects if other is not fitted]
@@ -72,7 +70,7 @@ def _effect(
         alternatives=_alternatives(name, selected),
         probability=selected.probability[name],
         share=0.0,
-        parameters=_with_period(parameters(fitted, deviation, session.kind), session),
+        parameters=_with_period(parameters(fitted, now, known, session.kind), session),
         block=fitted.effect.block,
         fields=fields_of(equipped(now.model, rest).stage, now.equipped.stage),
         coordinate=fitted.effect.coordinate,
@@ -95,8 +93,22 @@ def _alternatives(name: str, selected: Selection) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*exact, *(other for other in alike if other not in barred)]))
 
 
-def parameters(fitted: EffectValues, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
-    """Values with 95 % intervals, where they can lie; a sine and a cosine become amplitude and phase."""
+def parameters(fitted: EffectValues, now: Fitted, known: Sequence[Errors], kind: str) -> dict[str, Value]:
+    """Values with 95 % intervals, where they can lie; a sine and a cosine become amplitude and phase.
+
+    The largest of the `known` errors of each value counts.
+    """
+    largest = {name: max(each.deviations()[name] for each in known) for name in known[0].names}
+    values = _values(fitted, cable_centre.with_centre(now, largest), kind)
+    errors = {
+        group: [each.of([f"{fitted.effect.name}.{name}" for name in group]) for each in known]
+        for group in amplitudes.groups(values)
+    }
+    return amplitudes.with_amplitudes(values, errors)
+
+
+def _values(fitted: EffectValues, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
+    """Each value by itself, with its standard `deviation`."""
     units = units_of(fitted.effect, kind)
     ends = {amplitude.name: (amplitude.low, amplitude.high) for amplitude in fitted.effect.amplitudes}
     ends |= {shape.name: (shape.low, shape.high) for shape in fitted.effect.shapes}
@@ -105,9 +117,6 @@ def parameters(fitted: EffectValues, deviation: Mapping[str, float], kind: str) 
         half = NORMAL * deviation.get(f"{fitted.effect.name}.{name}", 0.0)
         low, high = ends[name]
         values[name] = Value(x, min(max(x - half, low), x), max(min(x + half, high), x), units[name])
-    for nth in ("second_", ""):
-        if f"{nth}sine" in values:
-            values = _harmonic(values, nth)
     return values
 
 
@@ -118,22 +127,6 @@ def _with_period(values: dict[str, Value], session: Session) -> dict[str, Value]
     order, pitch = values["order"], session.stage.mechanics.pitch
     unit = unit_on(session.kind, "rad | m")
     return {"period": Value(pitch / order.value, pitch / order.high, pitch / order.low, unit), **values}
-
-
-def _harmonic(values: dict[str, Value], nth: str) -> dict[str, Value]:
-    """The `values` with amplitude and phase, first, in the place of sine and cosine; `nth` begins all four names.
-
-    The intervals are those of all points that both intervals allow: one part may be sure where the other is not.
-    """
-    parts = values.pop(f"{nth}sine"), values.pop(f"{nth}cosine")
-    sine, cosine = parts
-    phase = math.atan2(cosine.value, sine.value)
-    corners = [math.atan2(c, s) for s in sine[1:3] for c in cosine[1:3]]
-    nearest = math.hypot(*(max(part.low, -part.high, 0.0) for part in parts))
-    farthest = math.hypot(*(max(-part.low, part.high) for part in parts))
-    turn = max(abs(math.remainder(corner - phase, math.tau)) for corner in corners) if nearest else math.pi
-    amplitude = Value(math.hypot(sine.value, cosine.value), nearest, farthest, sine.unit)
-    return {f"{nth}amplitude": amplitude, f"{nth}phase": Value(phase, phase - turn, phase + turn, "rad"), **values}
 
 
 def rivals(e: Evidence, selected: Selection, effect: FoundEffect) -> dict[str, Stage]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stagectl.gap.inference.value_errors import _dilution, log_odds
+from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import data_parts
 from stagectl.gap.residuals.gram_matrices import Products
 from stagectl.gap.residuals.thresholds import COORDINATE_PARTS
@@ -27,16 +28,31 @@ def test_the_odds_are_those_of_two_densities() -> None:
     assert odds(0.3, 0.1) == pytest.approx(np.log(0.1) + 4.5)
 
 
+def diluted(motion: Array, force: Array, jitter: float) -> tuple[float, float]:
+    """The inertia of a regression of the `force` on the `motion`, and how much larger the true one may be."""
+    fitted = float(motion @ force / (motion @ motion))
+    left = float(np.sum((force - fitted * motion) ** 2))
+    mechanics = SimpleNamespace(model=SimpleNamespace(stage=SimpleNamespace(mechanics=SimpleNamespace(inertia=fitted))))
+    larger = _dilution(np.array([[motion @ motion]]), ("inertia",), cast("Any", mechanics), left, jitter)
+    return fitted, float(larger[0])
+
+
 def test_an_acceleration_that_is_half_jitter_halves_the_inertia() -> None:
     """Force 2 x of a motion x + n: the regression gives 1, that of the motion on the force gives 2 more at most."""
     source = np.random.default_rng(3)
     x, jitter = source.standard_normal((2, 20000))
-    motion, force = x + jitter, 2.0 * x
-    fitted = float(motion @ force / (motion @ motion))
-    left = float(np.sum((force - fitted * motion) ** 2))
-    mechanics = SimpleNamespace(model=SimpleNamespace(stage=SimpleNamespace(mechanics=SimpleNamespace(inertia=fitted))))
-    diluted = _dilution(np.array([[motion @ motion]]), ("inertia",), cast("Any", mechanics), left)
-    assert fitted == pytest.approx(1.0, rel=0.05) and fitted < 2.0 < fitted + diluted[0]
+    fitted, larger = diluted(x + jitter, 2.0 * x, float(jitter @ jitter))
+    assert fitted == pytest.approx(1.0, rel=0.05) and fitted + larger == pytest.approx(2.0, rel=0.05)
+    assert diluted(x + jitter, 2.0 * x, np.inf)[1] >= larger
+
+
+def test_no_inertia_needs_more_force_than_there_is() -> None:
+    """A motion that no force goes with, but for a thousandth of what an inertia of one would need."""
+    source = np.random.default_rng(4)
+    x, other = source.standard_normal((2, 20000))
+    other -= x * (x @ other) / (x @ x)
+    fitted, larger = diluted(x, 1e-6 * x + 1e-3 * other, 0.1 * 20000)
+    assert fitted + larger == pytest.approx(1e-3 / 0.9**0.5, rel=0.05)
 
 
 def test_parts_sum_to_all_of_the_data() -> None:

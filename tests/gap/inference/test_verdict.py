@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -56,31 +55,6 @@ def test_a_short_mean_delay_belongs_to_the_jitter(name: str, value: str, size: f
     assert verdict.with_signatures([delay], []) == [delay]
 
 
-def test_sine_and_cosine_become_amplitude_and_phase() -> None:
-    values = {name: Value(x, x - 0.5, x + 0.5, "N m") for name, x in (("sine", 3.0), ("cosine", 4.0))}
-    order = Value(2.0, 2.0, 2.0, "")
-    harmonic = verdict._harmonic({**values, "order": order}, "")
-    assert list(harmonic) == ["amplitude", "phase", "order"]
-    amplitude, phase = harmonic["amplitude"], harmonic["phase"]
-    ends = math.hypot(2.5, 3.5), math.hypot(3.5, 4.5)
-    assert amplitude[:3] == pytest.approx((5.0, *ends)) and amplitude.unit == "N m"
-    assert phase.value == pytest.approx(math.atan2(4.0, 3.0))
-    assert phase.low == pytest.approx(math.atan2(3.5, 3.5))
-
-
-def test_an_amplitude_that_is_not_sure_has_any_phase() -> None:
-    values = {name: Value(0.1, -8.9, 9.1, "N m") for name in ("sine", "cosine")}
-    harmonic = verdict._harmonic(values, "")
-    assert harmonic["amplitude"].low == 0.0 and harmonic["phase"].high - harmonic["phase"].value == math.pi
-
-
-def test_a_weight_whose_cosine_is_a_bias_as_well_is_there_all_the_same() -> None:
-    """Over a small angle its cosine is a constant force; its sine is none."""
-    harmonic = verdict._harmonic({"sine": Value(0.5, 0.4, 0.6, "N m"), "cosine": Value(-0.2, -1.5, 1.1, "N m")}, "")
-    assert harmonic["amplitude"].low == pytest.approx(0.4)
-    assert harmonic["phase"].high - harmonic["phase"].value < 0.6 * math.pi
-
-
 def test_an_interval_ends_where_a_value_cannot_lie() -> None:
     """A belt of 2.3 Hz, give or take 3: no frequency is negative, and no share of the load either."""
     effect = SimpleNamespace(
@@ -90,7 +64,7 @@ def test_an_interval_ends_where_a_value_cannot_lie() -> None:
     )
     fitted: Any = SimpleNamespace(effect=effect, values={"load_share": 0.1, "resonance": 2.3})
     deviation = {"compliance.load_share": 0.16, "compliance.resonance": 1.5}
-    found = verdict.parameters(fitted, deviation, "rotary")
+    found = verdict._values(fitted, deviation, "rotary")
     assert found["load_share"].low == 0.0 and found["resonance"].low == 2.0
     assert found["resonance"].high == pytest.approx(2.3 + 1.96 * 1.5, rel=1e-3)
 
