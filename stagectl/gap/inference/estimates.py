@@ -72,7 +72,7 @@ def estimates(session: Session, e: Evidence, now: Fitted, known: Errors) -> Join
 
 
 def _width(of_columns: Array, e: Evidence, columns: Sequence[str]) -> Array:
-    """(n,) Standard deviation before the data of each sum (n, k) of `columns`: a friction has that of all its forces."""
+    """(n,) Standard deviation before the data of sums (n, k) of `columns`: a friction has that of all its forces."""
     base = set(refine.moving(e))
     each = [e.base.prior.width(name) if name in base else 0.0 for name in columns]
     width: Array = np.hypot.reduce(of_columns * np.array(each), axis=1)
