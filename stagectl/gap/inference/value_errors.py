@@ -157,7 +157,8 @@ def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisC
 
     What is more probably of no size leaves the model.  An effect may show in one experiment, at one place or speed
     alone, but in all repeats of it.  A drift may end soon, but shows in all experiments.  Where nothing was repeated,
-    drifts, and waves that stand by their line alone, must show in all experiments.
+    drifts, and waves that stand by their line alone, must show in all experiments; of any other effect one division of
+    the data at least must tell that it has a size, as two that stand in for each other have none.
     """
     known = errors(e, library, selected.fitted, smooth)
     of_size = {valued.effect.name: _borne_out(valued, known) for valued in selected.fitted.effects}
@@ -171,7 +172,8 @@ def _borne_out(valued: EffectValues, known: Mapping[str, Errors]) -> float:
     """Probability that an effect has a size, as far as those parts of the data agree that must."""
     if CLOCK not in known:
         alone = valued.effect.time_variation is not None or valued.effect.name in constants.WAVES
-        return _of_size(valued, known[EXPERIMENT], known[EXPERIMENT].matrix) if alone else 1.0
+        must = [known[EXPERIMENT]] if alone else known.values()
+        return max(_of_size(valued, each, each.matrix) for each in must)
     way = known[CLOCK if valued.effect.time_variation is None else EXPERIMENT]
     return _of_size(valued, way, way.between)
 

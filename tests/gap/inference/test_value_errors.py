@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from stagectl.gap.inference.value_errors import _dilution, log_odds
+from stagectl.gap.inference.value_errors import EXPERIMENT, Errors, _borne_out, _dilution, log_odds
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import data_parts
 from stagectl.gap.residuals.gram_matrices import Products
@@ -53,6 +53,22 @@ def test_no_inertia_needs_more_force_than_there_is() -> None:
     other -= x * (x @ other) / (x @ x)
     fitted, larger = diluted(x, 1e-6 * x + 1e-3 * other, 0.1 * 20000)
     assert fitted + larger == pytest.approx(1e-3 / 0.9**0.5, rel=0.05)
+
+
+def test_of_what_was_not_repeated_one_division_must_tell_the_size() -> None:
+    """Two effects that stand in for each other have none by any; a drift must have one by experiment."""
+    gain = SimpleNamespace(name="gain", typical=(0.02,))
+
+    def sure(variation: object, *deviations: float) -> float:
+        effect = SimpleNamespace(name="current_gain", amplitudes=(gain,), time_variation=variation)
+        valued = cast("Any", SimpleNamespace(effect=effect, values={"gain": 0.2}))
+        square = [np.array([[deviation**2]]) for deviation in deviations]
+        none = np.zeros(1)
+        ways = [Errors(cast("Any", None), ("current_gain.gain",), each, each, none) for each in square]
+        return _borne_out(valued, dict(zip((EXPERIMENT, "velocity"), ways, strict=True)))
+
+    assert sure(None, 1.7, 1.7) < 0.5 < 0.9 < sure(None, 1.7, 0.02)
+    assert sure("decay", 1.7, 0.02) < 0.5 < sure("decay", 0.02, 1.7)
 
 
 def test_parts_sum_to_all_of_the_data() -> None:
