@@ -14,7 +14,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import Value
 
-_NO_ERROR = 1e-12  # of the largest part: an error that is exactly none would have no inverse
+_NO_ERROR = 1e-12  # of the sum of all squares: an error that is exactly none would have no inverse
 
 
 def with_amplitudes(values: Mapping[str, Value], errors: Mapping[tuple[str, ...], Sequence[Array]]) -> dict[str, Value]:
@@ -57,16 +57,19 @@ def _amplitude(group: tuple[str, ...], values: Mapping[str, Value], errors: Sequ
 
 def lengths(point: Array, error: Array) -> tuple[float, float]:
     """The shortest and the longest vector within `NORMAL` standard errors of a `point` (k,), of its `error` (k, k)."""
-    square, axes = np.linalg.eigh(error)
-    square = np.maximum(square, _NO_ERROR * max(float(point @ point), float(square[-1]), 1e-300))
-    part = np.abs(axes.T @ point) + 1e-9 * np.sqrt(square)  # none exactly across an axis, where two would be longest
+    scale = math.sqrt(float(point @ point + np.trace(error)))
+    if scale == 0.0 or not math.isfinite(scale):
+        return 0.0, scale
+    square, axes = np.linalg.eigh(error / scale**2)
+    square = np.maximum(square, _NO_ERROR)
+    part = np.abs(axes.T @ point) / scale + 1e-9 * np.sqrt(square)  # never across an axis, where two would be longest
 
     def excess(at: float) -> float:
         """Squared standard errors from the point to the extreme one at the multiplier `at`, over those allowed."""
         return float(np.sum(part * part * square / (at - square) ** 2)) - NORMAL**2
 
     def length(at: float) -> float:
-        return float(np.linalg.norm(part * at / (at - square)))
+        return scale * float(np.linalg.norm(part * at / (at - square)))
 
     reach = float(np.linalg.norm(part) * np.sqrt(square[-1])) / NORMAL
     longest = length(brentq(excess, square[-1] * (1.0 + 1e-12), square[-1] + 1.01 * reach))

@@ -1,9 +1,9 @@
-"""How far the values of the model may be off: each is estimated again with a part of the data left out, in turn.
+"""How far the values of the model may be off: what parts of the data, each in turn, pull them by.
 
 What a model leaves is no noise: it is wrong alike over one experiment, at one speed or place, or in one octave of
 frequency.  A value that is right is the same from all parts of the data, however these are divided.  The data are
-therefore divided in every way: by experiment, by each coordinate of the motion, by the clock, by octaves.  What a value
-changes by when a part is left out is its error (`gram_matrices.mean_square_error`), and the largest of these counts.
+therefore divided in every way: by experiment, by each coordinate of the motion, by the clock, by octaves.  What the
+parts pull a value by is its error (`gram_matrices.mean_square_error`), and the largest of these counts.
 Source of errors by several divisions: A. C. Cameron, J. B. Gelbach, D. L. Miller, Journal of Business & Economic
 Statistics 29(2), 2011.
 """

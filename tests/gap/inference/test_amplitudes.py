@@ -58,6 +58,8 @@ def test_the_shortest_and_the_longest_are_those_of_the_ellipsoid() -> None:
     shortest, longest = amplitudes.lengths(point, root @ root.T)
     assert shortest == pytest.approx(sizes.min(), rel=0.02) and longest == pytest.approx(sizes.max(), rel=0.02)
     assert shortest <= sizes.min() and longest >= sizes.max()
+    small = amplitudes.lengths(1e-9 * point, 1e-18 * root @ root.T)
+    assert small == pytest.approx((1e-9 * shortest, 1e-9 * longest), rel=1e-6, abs=0.0)
 
 
 def test_a_map_has_the_amplitude_of_all_its_waves() -> None:
