@@ -69,16 +69,14 @@ def measured(running: Running, plan: tuple[int, int], keep: bool, shown: Shown) 
 def _round(running: Running, effects: list[str], plan: tuple[int, int], shown: Shown, number: int) -> Result:
     """Every variant in each repeat; peak and rms, differences with intervals, and the effect to drop."""
     left = {ALL: list[str](), **{f"{WITHOUT}{place}": [place] for place in effects}}
-    blocks = paired_comparison.order(list(left), *plan)
+    blocks = enumerate(paired_comparison.order(list(left), *plan), 1)
+    turns = [(repeat, name) for repeat, block in blocks for name in block]
     runs: dict[str, list[dict[str, float]]] = {name: [] for name in left}
-    done, total = 0, len(blocks) * len(left)
-    with shown.bar(f"compare {len(left)} variants on {running.axis}", total) as update:
-        for repeat, block in enumerate(blocks, 1):
-            for name in block:
-                label = f"round-{number}-{repeat}-{name.replace(' ', '-')}"
-                runs[name].append(_followed(running, left[name], label))
-                done += 1
-                update(done, total)
+    with shown.bar(f"compare {len(left)} variants on {running.axis}", len(turns)) as update:
+        for done, (repeat, name) in enumerate(turns, 1):
+            label = f"round-{number}-{repeat}-{name.replace(' ', '-')}"
+            runs[name].append(_followed(running, left[name], label))
+            update(done, len(turns))
     outcome = _compared(runs, running)
     for line in outcome["words"]:
         shown.say(line)

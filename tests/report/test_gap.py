@@ -5,10 +5,8 @@ from __future__ import annotations
 import base64
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -23,12 +21,6 @@ from tests.gap.examples import BLOCKS, COGGING, MICRON, PER_UNIT, every, found
 
 FOUND = every()
 SVG = "{http://www.w3.org/2000/svg}"
-
-
-@pytest.fixture(autouse=True)
-def _closed() -> Iterator[None]:
-    yield
-    plt.close("all")
 
 
 def texts(verdict: str) -> list[str]:

@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 from stagectl.config.stage_blocks import Axis
 from stagectl.report.methods.zero_crossing import forces_over
-
-
-@pytest.fixture(autouse=True)
-def _closed() -> Iterator[None]:
-    yield
-    plt.close("all")
 
 
 def test_the_forms_are_drawn_over_time_and_velocity() -> None:

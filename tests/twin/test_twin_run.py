@@ -17,6 +17,7 @@ import pytest
 
 from stagectl.recording.hdf5 import open_recording
 from tests.conftest import CONFIG, ROOT, Command, child_of
+from tests.test_run import drive
 
 STAGE = CONFIG / "ball-screw.yaml"
 MOTION = "{type: sine, amplitude: 5 mm, frequency: 1.6 Hz, periods: 4, ramp: 1}"
@@ -29,15 +30,8 @@ def stiffer_machine(folder: Path) -> Iterator[Path]:
     text = STAGE.read_text()
     assert "viscous: 0.14 N m s/rad" in text
     plant.write_text(text.replace("viscous: 0.14 N m s/rad", "viscous: 0.168 N m s/rad"))
-    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(plant), "--channel", str(channel)]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    assert process.stdout.readline().startswith("virtual drive of")
-    try:
+    with drive(plant, channel):
         yield channel
-    finally:
-        process.terminate()
-        process.communicate()
 
 
 def started(folder: Path, channel: Path, name: str) -> subprocess.Popen[str]:

@@ -8,6 +8,7 @@ then is set before power goes.  Set up under power, the first change of mode cou
 import contextlib
 from collections.abc import Callable
 
+from stagectl.drives import limits
 from stagectl.drives.brake import Brake
 from stagectl.drives.bus.frames import HEARTBEAT, REMOTE, frame
 from stagectl.drives.canopen import cia402, fault_texts
@@ -15,15 +16,6 @@ from stagectl.drives.canopen.cia402 import POWERED, DeviceCommand
 from stagectl.drives.canopen.library import SdoCommunicationError, SdoError
 from stagectl.drives.canopen.object_access import ObjectAccess
 from stagectl.drives.drive import DriveError
-from stagectl.drives.limits import (
-    BACKLOG,
-    BOOT_ANSWER_TIME,
-    BOOT_UP_TIME,
-    FOUND_POWER_TIME,
-    SDO_ANSWER_TIME,
-    SDO_TRIES,
-    STATE_TIME,
-)
 
 
 class BootUp:
@@ -36,7 +28,7 @@ class BootUp:
     def run(self, take: Callable[[], None]) -> tuple[int, str]:
         """Device type (0x1000), and the boot in words; `take` takes its power before a reset.  Raises DriveError."""
         began, seen = self._now(), "not awaited: no reset was asked for"
-        for _ in range(BACKLOG):  # a boot-up message of before is none of the drive's later on
+        for _ in range(limits.BACKLOG):  # a boot-up message of before is none of the drive's later on
             if not self._network.pump(0.0):
                 break
         self._objects.expect_boot()
@@ -60,14 +52,14 @@ class BootUp:
         """Reset the drive and wait for its boot-up message; empty where none came in time."""
         before = self._objects.boots
         self._node.nmt.send_command(cia402.NMT_RESETS[self._settings.reset])
-        if not self._until(began + BOOT_UP_TIME, lambda: self._objects.boots != before):
+        if not self._until(began + limits.BOOT_UP_TIME, lambda: self._objects.boots != before):
             return ""
         return f"received {(self._now() - began) * 1e3:.0f} ms after the reset"
 
     def _answer(self, deadline: float) -> int:
         """Device type, asked for until it answers in pre-operational."""
         sdo = self._node.sdo
-        sdo.RESPONSE_TIMEOUT, sdo.MAX_RETRIES = BOOT_ANSWER_TIME, 1
+        sdo.RESPONSE_TIMEOUT, sdo.MAX_RETRIES = limits.BOOT_ANSWER_TIME, 1
         try:
             while True:
                 self._node.nmt.send_command(cia402.NMT_PRE_OPERATIONAL)
@@ -83,13 +75,13 @@ class BootUp:
         except SdoError as error:
             raise self._objects.refused("read", cia402.DEVICE_TYPE, 0, error) from error
         finally:
-            sdo.RESPONSE_TIMEOUT, sdo.MAX_RETRIES = SDO_ANSWER_TIME, SDO_TRIES
+            sdo.RESPONSE_TIMEOUT, sdo.MAX_RETRIES = limits.SDO_ANSWER_TIME, limits.SDO_TRIES
 
     def _nmt_state(self) -> str:
         """By heartbeat, or by node guarding, which is asked once."""
         if self._objects.nmt_state is None:
             self._network.wire.send(frame(REMOTE | HEARTBEAT + self._settings.node))
-            self._until(self._now() + STATE_TIME, lambda: self._objects.nmt_state is not None)
+            self._until(self._now() + limits.STATE_TIME, lambda: self._objects.nmt_state is not None)
         state = self._objects.nmt_state
         return "unknown" if state is None else cia402.NMT_WORDS.get(state, f"{state}")
 
@@ -131,7 +123,7 @@ def take_power(objects: ObjectAccess, brake: Brake) -> None:
             set_brake(objects)
             clock.sleep(brake.engage)
         objects.write(command.controlword, cia402.CONTROLWORD)
-        deadline = clock.now() + FOUND_POWER_TIME
+        deadline = clock.now() + limits.FOUND_POWER_TIME
         while _powered(now) and clock.now() < deadline:
             now = objects.known(cia402.STATUSWORD)
     if found is not None and now is not None and _powered(now):

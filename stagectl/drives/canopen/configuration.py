@@ -19,11 +19,6 @@ from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError, Identity
 from stagectl.drives.limits import MODE_TIME, ROUNDED, SETUPS
 
-_NAMES = {
-    cia402.DEVICE_NAME: "device name",
-    cia402.HARDWARE_VERSION: "hardware version",
-    cia402.SOFTWARE_VERSION: "software version",
-}
 _SHOWN = {"serial": "serial number"}
 
 
@@ -209,7 +204,7 @@ def identify(objects: ObjectAccess) -> None:
         wanted = written.get(name)
         if stated is None and value is not None and wanted and value != wanted:
             _refuse(objects, name, subindex, value, f"0x{wanted:08X}", f"its EDS, {settings.eds}")
-    for index, name in _NAMES.items():
+    for index, name in cia402.TEXTS.items():
         objects.description[name] = str(objects.offered(index) or NOT_OFFERED)
 
 

@@ -147,24 +147,18 @@ def _bits(settings: Canopen, od: canopen.ObjectDictionary, name: str, key: int) 
     """Length of an object that can be mapped."""
     variable = od.get_variable(key >> 8, key & 0xFF)
     if variable is None:
-        raise DriveError(
-            f"{name}: object 0x{key:06X} is not in {settings.eds}; name one that is", place=name, object_key=key
-        )
+        raise _unfit(name, key, f"is not in {settings.eds}; name one that is")
     if variable.data_type not in CODES:
-        raise DriveError(
-            f"{name}: object 0x{key:06X} has data type 0x{variable.data_type or 0:X}; must be an integer of"
-            " 8, 16, 32 or 64 bits; map another object",
-            place=name,
-            object_key=key,
-            value=variable.data_type,
-        )
+        words = f"has data type 0x{variable.data_type or 0:X}; must be an integer of 8, 16, 32 or 64 bits"
+        raise _unfit(name, key, f"{words}; map another object", variable.data_type)
     if not variable.pdo_mappable and key >> 8 >= DUMMIES:
-        raise DriveError(
-            f"{name}: object 0x{key:06X} cannot be mapped according to {settings.eds}; map another object",
-            place=name,
-            object_key=key,
-        )
+        raise _unfit(name, key, f"cannot be mapped according to {settings.eds}; map another object")
     return len(variable)
+
+
+def _unfit(name: str, key: int, words: str, value: int | None = None) -> DriveError:
+    """The error about an object that the PDO `name` of the stage file cannot hold."""
+    return DriveError(f"{name}: object 0x{key:06X} {words}", place=name, object_key=key, value=value)
 
 
 def layout(od: canopen.ObjectDictionary, entries: tuple[int, ...], name: str) -> tuple[str, int]:

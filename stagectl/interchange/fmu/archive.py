@@ -15,7 +15,7 @@ from fmpy.validation import validate_fmu
 
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.export import ExportedModel, ExportError
-from stagectl.interchange.fmu import description, model_header
+from stagectl.interchange.fmu import description
 from stagectl.interchange.fmu.variables import variables
 from stagectl.interchange.round_trip import Array, Simulated, compared
 from stagectl.problem import ProblemKind
@@ -65,7 +65,7 @@ def _ours(path: Path) -> bool:
 
 def _sources(setup: Setup, folder: Path, identifier: str) -> None:
     each = variables(setup)
-    header = model_header.header(setup, each)
+    header = description.header(setup, each)
     token = f"{{{uuid.uuid5(_SPACE, header)}}}"
     sources = folder / "sources"
     shutil.copytree(Path(fmpy.__file__).parent / "c-code", sources, ignore=shutil.ignore_patterns("*.txt", "fmi[12]*"))

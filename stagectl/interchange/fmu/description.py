@@ -1,24 +1,38 @@
-"""The XML files of the FMU: what its variables are, and how its source is built.
+"""The texts of the FMU, each from its template: what its variables are, how its source is built, and model.h.
 
+The last has the translated kernels, the plant's parameters, and where each variable is.  The standard's functions in
+fmi3.c know nothing else of the model.
 Source: Functional Mock-up Interface 3.0.2, chapters 2.4 and 2.5.
 """
 
 import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import jinja2
 
 from stagectl.config.stage_file import Setup
-from stagectl.interchange.fmu.templates import TEMPLATES
-from stagectl.interchange.fmu.variables import Variable
+from stagectl.interchange.c_code.translation import Translation
+from stagectl.interchange.fmu.variables import Leaf, Variable, leaves
+from stagectl.kernels import equilibrium, stage
 from stagectl.recording.metadata import versions
-from stagectl.units import in_base_units
+from stagectl.units import Quantity, in_base_units
 
 TYPES = {float: "Float64", int: "Int64"}
 OPTIONS = "-std=c99 -O2 -ffp-contract=off"  # the bits of the compiled kernels: products and sums stay apart
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parent),
+    autoescape=lambda name: name is not None and name.endswith(".xml.jinja"),
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    keep_trailing_newline=True,
+)
 
 
 def model_description(setup: Setup, variables: list[Variable], identifier: str, token: str) -> str:
     """The text of modelDescription.xml."""
     kind = setup.file.axis.kind
-    return TEMPLATES.get_template("modelDescription.xml.jinja").render(
+    return _TEMPLATES.get_template("modelDescription.xml.jinja").render(
         name=setup.file.name,
         token=token,
         identifier=identifier,
@@ -32,7 +46,7 @@ def model_description(setup: Setup, variables: list[Variable], identifier: str, 
 
 def build_description(identifier: str, source: str) -> str:
     """The text of sources/buildDescription.xml."""
-    template = TEMPLATES.get_template("buildDescription.xml.jinja")
+    template = _TEMPLATES.get_template("buildDescription.xml.jinja")
     return template.render(identifier=identifier, source=source, options=OPTIONS)
 
 
@@ -59,3 +73,40 @@ def _entries(variable: Variable, reference: int, kind: str) -> dict[str, object]
 
 def _number(value: float | int) -> str:
     return repr(value) if math.isfinite(value) else ("INF" if value > 0.0 else "-INF")
+
+
+def header(setup: Setup, variables: list[Variable]) -> str:
+    """The text of model.h."""
+    kernels = Translation()
+    for kernel in (stage.period, stage.measured, stage.reported, equilibrium.standing):
+        kernels.add(kernel)
+    each = list(leaves(setup.stage))
+    starts = [*((variable.place, variable.start) for variable in variables), *_constants(each)]
+    return _TEMPLATES.get_template("model.h.jinja").render(
+        kernels=kernels.text(),
+        period=repr(setup.dt),
+        substeps=setup.file.simulation.substeps,
+        operators=len(setup.stage.friction.operators.weight),
+        variables=variables,
+        within=_within,
+        references={variable: reference for reference, variable in enumerate(variables)},
+        arrays=[leaf for leaf in each if not isinstance(leaf.value, int | float)],
+        starts=[(place, kernels.types.constant(value, type(value))) for place, value in starts],
+    )
+
+
+def _constants(each: list[Leaf]) -> Iterator[tuple[str, float]]:
+    """Place and value of what no variable sets."""
+    for leaf in each:
+        if leaf.quantity is None and isinstance(leaf.value, int | float):
+            yield f"p.{leaf.path}", leaf.value
+        elif leaf.quantity is None:
+            yield from ((f"{leaf.storage}[{number}]", float(value)) for number, value in enumerate(leaf.value))
+
+
+def _within(quantity: Quantity) -> str:
+    """The condition in C under which `value` is admissible."""
+    low, high = quantity.bounds()
+    signs = (">" if quantity.interval[0] == "(" else ">=", "<" if quantity.interval[-1] == ")" else "<=")
+    ends = [f"value {sign} {end!r}" for sign, end in zip(signs, (low, high), strict=True) if math.isfinite(end)]
+    return " && ".join(ends) or "value == value"

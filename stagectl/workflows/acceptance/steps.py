@@ -149,11 +149,6 @@ def _nudged(bench: Workbench, direction: int) -> tuple[Seen, float]:
     return seen, seen.position - here
 
 
-_TEXTS = {
-    cia402.DEVICE_NAME: "device name",
-    cia402.HARDWARE_VERSION: "hardware version",
-    cia402.SOFTWARE_VERSION: "software version",
-}
 _STOPPING = (1, 2, 3)  # options of 0x6007: fault, power off, quick stop
 _MILLI = 1e-3
 
@@ -162,7 +157,7 @@ def identity(bench: Workbench) -> Found:
     """The drive is the one that EDS and stage file are for.  Nothing is written."""
     with bench.reading(beside_a_loop=False) as drive:
         check_profile(drive.number(cia402.DEVICE_TYPE) or 0, bench.wire.node)
-        bench.drive = {name: shown for name, shown in reported_identity(drive.read, _TEXTS).items() if shown}
+        bench.drive = {name: shown for name, shown in reported_identity(drive.read, cia402.TEXTS).items() if shown}
         preset = for_vendor(drive.number(cia402.IDENTITY, 1))
         doubts = against_eds(bench.wire, drive.read, preset)
         rated = drive.number(cia402.RATED_CURRENT)
