@@ -25,8 +25,9 @@ from stagectl.gap.inference import cable_centre, constant_force, unknown, value_
 from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities, whitening
+from stagectl.gap.residuals.base_modes import modes
 from stagectl.gap.residuals.half_strokes import runs
-from stagectl.gap.residuals.pitch_orders import modes, orders
+from stagectl.gap.residuals.pitch_orders import orders
 from stagectl.gap.residuals.thresholds import LONGEST_PERIOD
 from stagectl.gap.result.diagnosis import (
     BLOCKS,
@@ -159,7 +160,9 @@ def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
 def scales_of(session: Session, e: Evidence) -> Scales:
     """Sizes of the machine, with the orders of the pitch and the frequencies that stand out of the residual."""
     of_pitch = orders(e.base.model, e.runs, session.stage.mechanics.pitch, e.base.noise)
-    size = candidates.scales(session, e.runs, of_pitch)._replace(modes=modes(e.runs, e.base.after))
+    size = candidates.scales(session, e.runs, of_pitch)._replace(
+        modes=modes(e.base.model, e.runs, e.base.after, e.base.noise)
+    )
     return size._replace(coulomb=max(size.coulomb, sliding(e.base.model.stage.friction)))  # a model may give none
 
 

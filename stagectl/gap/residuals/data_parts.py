@@ -28,47 +28,67 @@ def quantiles(coordinate: Sequence[Array], count: int = COORDINATE_PARTS) -> lis
 
 def by_sample(p: Products, residuals: Residuals, numbers: Sequence[Numbers]) -> Array:
     """Parts by the number (m,) of each sample of each run."""
-    return _summed(p, residuals, lambda k, _, rows: (rows, numbers[k]))
+    return _summed(p, residuals, numbers, lambda rows: rows)
 
 
 def by_octave(p: Products, residuals: Residuals) -> Array:
     """Parts by half octaves of frequency: of the cosine transform, which keeps sums of products."""
+    numbers = [_half_octaves(len(part.run.weight), part.run.mean.dt * KEPT) for part in p.parts]
+    return _summed(p, residuals, numbers, lambda rows: fft.dct(rows, norm="ortho"))
 
-    def transformed(k: int, _: int, rows: Array) -> tuple[Array, Numbers]:
-        count = rows.shape[-1]
-        line = np.arange(count) / (2.0 * count * KEPT * p.parts[k].run.mean.dt)
-        half = np.floor(2.0 * np.log2(np.maximum(line / LOWEST_OCTAVE, 0.5))) + 2.0
-        return fft.dct(rows, norm="ortho"), half.astype(np.int64)
 
-    return _summed(p, residuals, transformed)
+def _half_octaves(count: int, dt: float) -> Numbers:
+    """Number (m,) of the half octave of each of the `count` lines of a cosine transform of samples every `dt` (s)."""
+    line = np.arange(count) / (2.0 * count * dt)
+    return (np.floor(2.0 * np.log2(np.maximum(line / LOWEST_OCTAVE, 0.5))) + 2.0).astype(np.int64)
 
 
 def by_clock(p: Products, residuals: Residuals) -> Array:
     """Parts by the instants at which the repeats began."""
     starts = [np.array([path.start for path in part.run.paths], dtype=np.float64) for part in p.parts]
     begun = quantiles(starts, LEAST_BLOCKS)
-    return _summed(p, residuals, lambda k, repeat, rows: (rows, np.full(rows.shape[-1], begun[k][repeat])))
+    found: dict[int, Array] = {}
+    for part, repeats, numbers in zip(p.parts, residuals, begun, strict=True):
+        rows, composed = _repeats(part, repeats)
+        square = rows @ np.swapaxes(rows, 1, 2)
+        for number, one in zip(numbers.tolist(), composed, strict=False):  # of a mean of repeats there is one residual
+            found[number] = found.get(number, 0.0) + one @ square @ one.T
+    return np.array([found[number] for number in sorted(found)])
 
 
-def _summed(p: Products, residuals: Residuals, divided: Callable[[int, int, Array], tuple[Array, Numbers]]) -> Array:
-    """Sums over runs and repeats; `divided` gives rows and their numbers for a run, a repeat, and its rows."""
+def _summed(
+    p: Products, residuals: Residuals, numbers: Sequence[Numbers], transformed: Callable[[Array], Array]
+) -> Array:
+    """Sums over runs and repeats of the parts to which `numbers` assigns the samples of each run, `transformed`."""
 
     def of_run(k: int) -> dict[int, Array]:
+        rows, composed = _repeats(p.parts[k], residuals[k])
+        rows = transformed(rows)
         found: dict[int, Array] = {}
-        for repeat in range(len(residuals[k])):
-            rows, number = divided(k, repeat, _rows(p.parts[k], residuals[k], repeat))
-            for part in np.unique(number).tolist():
-                chosen = rows[:, :, number == part]
-                found[part] = found.get(part, 0.0) + chosen @ np.swapaxes(chosen, 1, 2)
+        for number in np.unique(numbers[k]).tolist():
+            chosen = rows[:, :, numbers[k] == number]
+            square = chosen @ np.swapaxes(chosen, 1, 2)
+            found[number] = np.sum([one @ square @ one.T for one in composed], axis=0)
         return found
 
     runs = in_parallel(of_run, range(len(p.parts)))
     return np.array([sum(run[part] for run in runs if part in run) for part in sorted(set().union(*runs))])
 
 
-def _rows(part: RunProducts, repeats: Sequence[Array], number: int) -> Array:
-    """(2, p + 1, m) columns and residual of one repeat."""
-    rows = np.concatenate([part.mean, part.weighted(repeats[number])[:, None]], axis=1)
-    if part.clocked is not None and len(repeats) > 1:
-        rows[:, list(part.clocked.places)] += part.clocked.deviation[number]
-    return rows
+def _repeats(part: RunProducts, residuals: Sequence[Array]) -> tuple[Array, list[Array]]:
+    """The rows (2, s, m) that all repeats consist of, each only once, and how each repeat (p + 1, s) is composed.
+
+    The columns of a repeat are their means and, of those on the clock, its own deviation; the last is its residual.
+    """
+    mean, count = part.mean, len(residuals)
+    clocked = None if count == 1 else part.clocked  # a mean of repeats has a single clock
+    places = [] if clocked is None else list(clocked.places)
+    own = np.stack([part.weighted(residual) for residual in residuals], axis=1)
+    deviations = [] if clocked is None else list(clocked.deviation)
+    columns, rows = mean.shape[1], np.concatenate([mean, *deviations, own], axis=1)
+    composed = np.zeros((count, columns + 1, rows.shape[1]))
+    composed[:, :columns, :columns] = np.eye(columns)
+    for repeat, one in enumerate(composed):
+        one[places, columns + repeat * len(places) + np.arange(len(places))] = 1.0
+        one[columns, columns + count * len(places) + repeat] = 1.0
+    return rows, list(composed)

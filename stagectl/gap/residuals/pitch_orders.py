@@ -1,4 +1,4 @@
-"""Orders of the pitch and resonances in the residual effort: where to look for cogging, ripple, ball passes and modes.
+"""Orders of the pitch in the residual effort: where to look for cogging, ripple and ball passes.
 
 The periodogram runs over the angle, not over time: a machine's orders stay in place there while its speed changes.
 It is taken of the effort at the instant at which it acted.  The tracker's answer comes milliseconds later: fine orders
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 from scipy.ndimage import median_filter
-from scipy.signal import welch
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import thresholds
@@ -117,21 +116,6 @@ def _resolved(runs: Sequence[Run], turn: float, limits: tuple[int, int]) -> int:
     ways = [np.abs(np.diff(run.mean.rows[:: thresholds.KEPT, 1])) for run in runs]
     finest = 2.0 * max(float(np.quantile(way, thresholds.FAST_ROWS)) for way in ways)
     return int(np.clip(turn / max(finest, 1e-300), *limits))
-
-
-def modes(runs: Sequence[Run], residuals: Sequence[list[Array]]) -> tuple[float, ...]:
-    """Frequencies (Hz) at which the residual effort rings, strongest first: lines well above their surroundings."""
-    dt = runs[0].mean.dt * thresholds.KEPT
-    segment = min(round(thresholds.MODE_SEGMENT / dt), *(len(run.weight) for run in runs))
-    total = 0.0
-    for run, repeats in zip(runs, residuals, strict=True):
-        effort = run.weight * np.mean(repeats, axis=0)[:, 0]
-        frequency, spectrum = welch(effort, 1.0 / dt, nperseg=segment, nfft=4 * segment)
-        total = total + spectrum * len(effort)
-    within = (frequency > thresholds.LOWEST_MODE) & (frequency < thresholds.HIGHEST_MODE)
-    around = median_filter(total, 1 + 2 * int(np.searchsorted(frequency, thresholds.MODE_SURROUNDINGS)), mode="nearest")
-    prominence = (total / np.maximum(around, 1e-300))[within]
-    return peaks(frequency[within], prominence, thresholds.MODES_APART)
 
 
 def _samples(runs: Sequence[Run], least: float, late: int, effort: Callable[[Run], Array]) -> Samples:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.half_strokes import Run, spans
 
-Parts = Sequence[slice | NDArray[np.int64]]  # samples that belong together
+Parts = Sequence[Sequence[slice]]  # spans of the samples that belong together
 
 
 class Block(NamedTuple):
@@ -63,8 +63,8 @@ def first_fold(stroke: NDArray[np.int64]) -> NDArray[np.bool_]:
 def folds_of(run: Run) -> Parts:
     """The samples of both folds."""
     strokes = spans(run.cluster)
-    first = np.repeat(first_fold(np.arange(len(strokes))), [span.stop - span.start for span in strokes])
-    return [np.flatnonzero(first), np.flatnonzero(~first)]
+    first = first_fold(np.arange(len(strokes)))
+    return [[stroke for stroke, mine in zip(strokes, first == fold, strict=True) if mine] for fold in (True, False)]
 
 
 def without_columns(run: Run, own: Sequence[Array]) -> RunProducts:
@@ -112,7 +112,7 @@ class Squares(NamedTuple):
 
 def of_strokes(p: RunProducts, residuals: Sequence[Array]) -> Squares:
     """Of each half stroke, with the residual (m, 2) of each repeat."""
-    parts = spans(p.run.cluster)
+    parts = [[stroke] for stroke in spans(p.run.cluster)]
     clocked = None if p.clocked is None else _over_repeats(p.clocked.deviation, parts)
     return _squares(p, residuals, parts, _between(p.mean, p.mean, parts), clocked)
 
@@ -165,7 +165,7 @@ def differences(p: RunProducts, residuals: Sequence[Array]) -> Array:
     rows = np.stack([p.weighted(residual) for residual in residuals])
     last = (rows - rows.mean(axis=0))[:, :, None]
     both = last if p.clocked is None else np.concatenate([p.clocked.deviation, last], axis=2)
-    square += _over_repeats(both, [slice(None)])[:, 0]
+    square += _over_repeats(both, [[slice(None)]])[:, 0]
     return square * (repeats / (repeats - 1))
 
 
@@ -197,10 +197,10 @@ def _selected_clocked(p: ClockColumns | None, places: Sequence[int]) -> ClockCol
 
 def _between(x: Array | NDArray[np.float32], y: Array | NDArray[np.float32], parts: Parts) -> Array:
     """Products (2, b, p, q) of `x` (2, p, m) and `y` (2, q, m) within each part, in double precision."""
-    products = np.empty((2, len(parts), x.shape[1], y.shape[1]))
-    for k, part in enumerate(parts):
-        left, right = (rows[:, :, part].astype(np.float64, copy=False) for rows in (x, y))
-        np.matmul(left, np.swapaxes(right, 1, 2), out=products[:, k])
+    products = np.zeros((2, len(parts), x.shape[1], y.shape[1]))
+    for k, span in ((k, span) for k, part in enumerate(parts) for span in part):
+        left, right = (rows[:, :, span].astype(np.float64, copy=False) for rows in (x, y))
+        products[:, k] += left @ np.swapaxes(right, 1, 2)
     return products
 
 

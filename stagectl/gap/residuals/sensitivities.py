@@ -91,10 +91,11 @@ def _earlier(path: MeasuredPath, column: int, samples: float) -> MeasuredPath:
 
 
 def _later_value(signal: Array, samples: float) -> Array:
-    """The value (n,) of a signal so many `samples` later, by linear interpolation."""
-    count, whole = len(signal), math.floor(samples)
-    held = np.pad(signal, abs(whole) + 1, mode="edge")[abs(whole) + 1 + whole :]
-    value: Array = held[:count] + (samples - whole) * (held[1 : count + 1] - held[:count])
+    """The value (n,) of a signal so many `samples` later, by linear interpolation; at its ends the last one holds."""
+    whole, last = math.floor(samples), len(signal) - 1
+    row = np.arange(whole, whole + len(signal))
+    held, later = signal[np.clip(row, 0, last)], signal[np.clip(row + 1, 0, last)]
+    value: Array = held + (samples - whole) * (later - held)
     return value
 
 
@@ -111,6 +112,22 @@ def mean_residuals(p: TrackedModel, runs: Sequence[Run], noise: Whitener) -> lis
 def residuals_of(p: TrackedModel, runs: Sequence[Run], noise: Whitener) -> list[list[Array]]:
     """`residuals` of all runs, over all cores."""
     return in_parallel(lambda run: residuals(p, run, noise), runs)
+
+
+def deviations(
+    p: TrackedModel, runs: Sequence[Run], noise: Whitener, of_repeats: Sequence[Sequence[Array]]
+) -> list[list[Array]]:
+    """What the residuals `of_repeats` under `p` depart by from those of their mean paths."""
+    means = mean_residuals(p, runs, noise)
+    return [[residual - mean for residual in repeats] for repeats, mean in zip(of_repeats, means, strict=True)]
+
+
+def residuals_about(
+    p: TrackedModel, runs: Sequence[Run], noise: Whitener, apart: Sequence[Sequence[Array]]
+) -> list[list[Array]]:
+    """`residuals_of` for a model like that of the deviations `apart`: noise passes through both alike."""
+    means = mean_residuals(p, runs, noise)
+    return [[mean + deviation for deviation in repeats] for mean, repeats in zip(means, apart, strict=True)]
 
 
 def _whitened(run: Run, residual: ModelResidual, noise: Whitener) -> Array:

@@ -80,8 +80,8 @@ STEPS_PER_TRAVEL, FEWEST_PERIODS, STEPS = 4, 4, (1200, 4800)
 ORDER_SURROUNDINGS = 41  # of these steps, whose median a line must exceed; odd
 MOVING = 0.02  # share of the largest speed: slower samples do not enter a periodogram over the angle
 LOWEST_MODE, HIGHEST_MODE = 6.0, 75.0  # Hz: range in which a machine base rings
-MODE_SEGMENT = 2.0  # s of a segment of the spectrum: a mode damped by a few per cent rings as long
-MODE_SURROUNDINGS = 6.0  # Hz to either side, whose median a line must exceed
+MODES_TRIED = 128  # frequencies in that range: each 2 % above the last, less than the width of a ring
+MODE_DAMPING = 0.03  # of the rings that are tried; chosen
 MODES_APART = 2.0  # Hz between two modes
 # Relative eigenvalue of the nuisances' correlations below which a direction is left out.
 SINGULAR_NUISANCE = 1e-10

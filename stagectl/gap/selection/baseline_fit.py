@@ -16,7 +16,15 @@ from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
-from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
+from stagectl.gap.residuals.sensitivities import (
+    Direction,
+    TrackedModel,
+    all_columns,
+    deviations,
+    model_residual,
+    residuals_about,
+    residuals_of,
+)
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds
@@ -185,15 +193,22 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     bristles, own = members(nominal.stage), parameter_names(free)
     known = gram_matrices.products(runs, all_columns(model, runs, [*free, *bristles], noise), START)
     state, family = _State(model, residuals_of(model, runs, noise)), Family(known, tuple(bristles))
+    data = _Data(runs, noise, deviations(model, runs, noise, state.residuals))
     prior = priors.believed(gram_matrices.fold_sums(known, state.residuals), own, prior)
     for _ in range(thresholds.BASELINE_STEPS):
         if family.chosen is None:
             family = with_best(family, state.residuals, own)
-        state, gain = _stepped(prior, runs, noise, state, family, own)
+        state, gain = _stepped(prior, data, state, family, own)
         if not gain:
             break
-    moving_all = (*free, *family.bristles)
-    return BaselineFit(state.model, noise, moving_all, family.products, before, state.residuals, prior, family.chosen)
+    moving_all, after = (*free, *family.bristles), residuals_of(state.model, runs, noise)
+    return BaselineFit(state.model, noise, moving_all, family.products, before, after, prior, family.chosen)
+
+
+class _Data(NamedTuple):
+    runs: Sequence[Run]
+    noise: Whitener
+    apart: list[list[Array]]  # what repeats depart by from the mean path
 
 
 class _State(NamedTuple):
@@ -201,9 +216,7 @@ class _State(NamedTuple):
     residuals: list[list[Array]]
 
 
-def _stepped(
-    prior: Prior, runs: Sequence[Run], noise: Whitener, now: _State, family: Family, own: Sequence[str]
-) -> tuple[_State, float]:
+def _stepped(prior: Prior, data: _Data, now: _State, family: Family, own: Sequence[str]) -> tuple[_State, float]:
     """One Gauss-Newton step, or the share of it that lowers the cost, and by how much; `now` where none does."""
     g, names = gram_matrices.fold_sums(family.products, now.residuals), [*own, *family.names]
     weight = priors.temper(g, names, prior)
@@ -211,10 +224,10 @@ def _stepped(
 
     def moved_by(move: Mapping[str, float]) -> _State:
         model = moved(now.model, move, family.chosen, prior.dt)
-        return _State(model, residuals_of(model, runs, noise))
+        return _State(model, residuals_about(model, *data))
 
     def cost(state: _State) -> float:
-        return weight * sum_of_squares(runs, state.residuals) + prior.cost(state.model, names)
+        return weight * sum_of_squares(data.runs, state.residuals) + prior.cost(state.model, names)
 
     step = priors.bounded_step(g, names, limits, informed, weight).move
     return priors.shortened(step, moved_by, cost, now)

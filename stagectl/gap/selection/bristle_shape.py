@@ -10,10 +10,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stagectl.gap.logs.session import Session
+from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, residuals_of
+from stagectl.gap.residuals.sensitivities import (
+    Direction,
+    TrackedModel,
+    all_columns,
+    deviations,
+    residuals_about,
+    residuals_of,
+)
 from stagectl.gap.selection import baseline_fit, bristle_members, priors, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
 
@@ -29,16 +36,20 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
 
 def _shaped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> BaselineFit:
     """`fit` with its bristle in the best shape; the same where no bristle is left in the model."""
+    apart = deviations(fit.model, runs, fit.noise, fit.after)
     for _ in range(thresholds.SHAPE_STEPS):
         if not fit.model.stage.friction.bristle.coulomb:
-            return fit
-        fit, gain = _stepped(fit, runs, member)
+            break
+        fit, gain = _stepped(fit, runs, member, apart)
         if gain < thresholds.SETTLED:
             break
+    fit = fit._replace(after=residuals_of(fit.model, runs, fit.noise))
     return _with_columns(fit, runs, member) if fit.model.stage.friction.bristle.coulomb else fit
 
 
-def _stepped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> tuple[BaselineFit, float]:
+def _stepped(
+    fit: BaselineFit, runs: Sequence[Run], member: Direction, apart: list[list[Array]]
+) -> tuple[BaselineFit, float]:
     """One Gauss-Newton step, or the share of it that lowers the cost, and by how much; else the same fit."""
     free = [one for one in fit.directions if not bristle_members.is_member(one.name)]
     names = [*baseline_fit.parameter_names(free), member.name]
@@ -53,7 +64,7 @@ def _stepped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> tuple[
 
     def after(move: Mapping[str, float]) -> BaselineFit:
         model = _bent(baseline_fit.moved(fit.model, move, member, fit.prior.dt), move)
-        return fit._replace(model=model, after=residuals_of(model, runs, fit.noise))
+        return fit._replace(model=model, after=residuals_about(model, runs, fit.noise, apart))
 
     return priors.shortened(step, after, cost, fit)
 

@@ -39,11 +39,8 @@ class Fitted(NamedTuple):
 
 def evidence(runs: Sequence[Run], refitted: BaselineFit) -> Evidence:
     """Ready for many fits: the deviations of single repeats from their mean path do not change any more."""
-    means = sensitivities.mean_residuals(refitted.model, runs, refitted.noise)
-    deviations = [
-        [residual - mean for residual in repeats] for repeats, mean in zip(refitted.after, means, strict=True)
-    ]
-    return Evidence(runs, refitted, deviations)
+    apart = sensitivities.deviations(refitted.model, runs, refitted.noise, refitted.after)
+    return Evidence(runs, refitted, apart)
 
 
 def repeated(e: Evidence) -> bool:
@@ -56,8 +53,7 @@ def residuals(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues])
     whole = equipped(model, effects)
     if any(valued.effect.time_variation is not None for valued in effects):
         return sensitivities.residuals_of(whole, e.runs, e.base.noise)
-    means = sensitivities.mean_residuals(whole, e.runs, e.base.noise)
-    return [[mean + deviation for deviation in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
+    return sensitivities.residuals_about(whole, e.runs, e.base.noise, e.deviations)
 
 
 def total(e: Evidence, residuals: list[list[Array]]) -> float:

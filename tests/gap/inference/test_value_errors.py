@@ -12,6 +12,7 @@ from stagectl.gap.inference.value_errors import EXPERIMENT, Errors, _borne_out, 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import data_parts
 from stagectl.gap.residuals.gram_matrices import Products
+from stagectl.gap.residuals.run_products import ClockColumns
 from stagectl.gap.residuals.thresholds import COORDINATE_PARTS
 
 
@@ -71,19 +72,27 @@ def test_of_what_was_not_repeated_one_division_must_tell_the_size() -> None:
     assert sure("decay", 1.7, 0.02) < 0.5 < sure("decay", 0.02, 1.7)
 
 
-def test_parts_sum_to_all_of_the_data() -> None:
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_parts_sum_to_all_of_the_data(repeats: int) -> None:
+    """The second column is on the clock: each repeat has its own, but a mean of repeats has none."""
     source = np.random.default_rng(5)
-    rows, residual = source.standard_normal((2, 3, 500)).astype(np.float32), source.standard_normal((500, 2))
-    run = SimpleNamespace(mean=SimpleNamespace(dt=1e-3), paths=[SimpleNamespace(start=0.0)])
-    part = SimpleNamespace(mean=rows, clocked=None, run=run, weighted=lambda signal: signal.T)
+    rows, residuals = source.standard_normal((2, 3, 500)).astype(np.float32), source.standard_normal((repeats, 500, 2))
+    deviation = source.standard_normal((3, 2, 1, 500))
+    paths = [SimpleNamespace(start=float(start)) for start in range(3)]
+    run = SimpleNamespace(mean=SimpleNamespace(dt=1e-3), paths=paths, weight=np.ones(500))
+    clocked = ClockColumns((1,), deviation, np.zeros((2, 2, 1, 1)))
+    part = SimpleNamespace(mean=rows, clocked=clocked, run=run, weighted=lambda signal: signal.T)
     products = cast("Products", SimpleNamespace(names=("a", "b", "c"), parts=(part,)))
-    whole = np.concatenate([rows, residual.T[:, None]], axis=1).astype(float)
-    expected = whole @ np.swapaxes(whole, 1, 2)
+    expected = np.zeros((2, 4, 4))
+    for residual, own in zip(residuals, deviation, strict=False):
+        whole = np.concatenate([rows, residual.T[:, None]], axis=1).astype(float)
+        whole[:, 1:2] += own if repeats > 1 else 0.0
+        expected += whole @ np.swapaxes(whole, 1, 2)
     numbers = data_parts.quantiles([source.standard_normal(500)])
     for parts in (
-        data_parts.by_sample(products, [[residual]], numbers),
-        data_parts.by_octave(products, [[residual]]),
-        data_parts.by_clock(products, [[residual]]),
+        data_parts.by_sample(products, [list(residuals)], numbers),
+        data_parts.by_octave(products, [list(residuals)]),
+        data_parts.by_clock(products, [list(residuals)]),
     ):
         np.testing.assert_allclose(parts.sum(axis=0), expected, rtol=1e-5, atol=1e-3)
     assert len(np.unique(numbers[0])) == COORDINATE_PARTS
