@@ -118,9 +118,10 @@ def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fi
     if singles.get(single, 0.0) <= _empty(at):
         return None
     best, predicted = at.verdict.best(single), library.predict(e, now).cuts
-    if not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
-        return None
     added = at.values(best)
+    bent = any(_bends(valued.effect) for valued in added)  # away from its place on the grid, its column explains little
+    if not bent and not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
+        return None
     after = _grown(e, now, added, _if_bent(added, tried))
     if after is None:
         return None

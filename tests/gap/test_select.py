@@ -1,0 +1,36 @@
+"""When a small effect is fitted to the data at all."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from stagectl.gap.effects.library import EFFECTS
+from stagectl.gap.selection import linearised, material, select
+
+MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
+
+
+@pytest.mark.parametrize(("name", "fitted"), [("compliance", True), ("cable_spring", False)])
+def test_a_resonance_between_two_places_of_its_grid_is_fitted(
+    name: str, fitted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the grid its column explains a third of what is missing; its fit explains nine tenths.
+
+    The column of an effect that does not bend explains all that its fit will.
+    """
+    bends = name == "compliance"
+    effect = SimpleNamespace(name=name, block=EFFECTS[name].block, resonant=bends, nonlinear=bends)
+    valued, after = SimpleNamespace(effect=effect), cast("Any", SimpleNamespace(effects=()))
+    verdict = SimpleNamespace(of_sets=lambda: {frozenset[str](): 0.1, frozenset([name]): 0.9}, best=lambda _: None)
+    at = SimpleNamespace(verdict=verdict, explained=lambda _: 0.35, values=lambda _: [valued], excess=MISSING)
+    monkeypatch.setattr(linearised, "linearised", lambda *_, **__: at)
+    monkeypatch.setattr(linearised, "excess", lambda *_: LEFT)
+    monkeypatch.setattr(linearised, "strokes", lambda _: 10)
+    monkeypatch.setattr(select, "_grown", lambda *_: after)
+    monkeypatch.setattr(select, "_stands_against_functions", lambda *_: True)
+    library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
+    grown = select._with_small(cast("Any", None), library, cast("Any", None), lambda: ())
+    assert (grown is after) == fitted and material.nearly_all(MISSING, LEFT, 10)
