@@ -211,9 +211,19 @@ def _within_shares(
         rests = stage.at_rest(alone, begins.position, begins.memory.time)
         own, _ = way.demanded(alone, rests._replace(**rubbing))
         own -= without
-        current -= own - np.clip(own, -most, most)
+        current -= own - _spread(own, most)
         limited += _limited(place, own, most)
     return tuple(limited)
+
+
+def _spread(current: Array, most: float) -> Array:
+    """`current` (n + 1,) A within `most` (A): what a push lacks, as a gap that closes asks for, comes beside it.
+
+    Half a period early and late it gives the same momentum.  What lasts longer than a push is cut.
+    """
+    inside = np.clip(current, -most, most)
+    beside = np.convolve(current - inside, (0.5, 0.0, 0.5), "same")
+    return np.clip(inside + beside, -most, most)
 
 
 def places(p: stage.Stage) -> list[str]:
