@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
 from stagectl.gap.effects.effect import Definition, Scales
 from stagectl.gap.effects.library import EFFECTS, answered, definitions, left_out
-from stagectl.kernels import unloading
+from stagectl.kernels import inverse, unloading
 from stagectl.kernels.effects import Warming
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.kernels.stage import Stage
@@ -225,6 +226,21 @@ def test_an_effect_is_limited_and_the_others_are_not(ball_screw: Setup) -> None:
     (limited,) = laid_out.limited
     assert limited.place == "motor.cogging" and limited.most == pytest.approx(share) and limited.demanded > share
     assert 0 < limited.periods < len(together)
+
+
+def test_only_what_needs_fine_steps_is_inverted_in_them(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A resonance needs three times as many; the share of any other effect is found without."""
+    p = having(having(ball_screw.stage, DEFINITIONS["compliance"], 1.0), DEFINITIONS["cogging"], 400.0)
+    inverted, along = [], inverse.along
+
+    def counted(p: Stage, x: Any, motion: np.ndarray, *more: Any) -> Any:
+        inverted.append(len(motion))
+        return along(p, x, motion, *more)
+
+    monkeypatch.setattr(inverse, "along", counted)
+    current, _ = against_effects(ball_screw._replace(stage=p), MOTIONS["sine of 5 mm"])
+    steps = [(rows - 1) // len(current) for rows in inverted if rows > 1]
+    assert steps == [12, 12, 4, 12]  # both models, cogging, compliance
 
 
 def test_all_effects_together_have_a_limit(ball_screw: Setup) -> None:
