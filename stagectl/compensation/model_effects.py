@@ -178,6 +178,14 @@ class _Way(NamedTuple):
     steps: tuple[float, int]  # as in `inverse.along`
     origin: float  # rad | m, where what is demanded at rest is left to the feedback
 
+    def for_model(self, p: stage.Stage) -> _Way:
+        """The same in no finer steps than this model needs."""
+        h, each = self.steps
+        needed = steps(p, h * each)
+        if each % needed:
+            return self
+        return self._replace(motion=self.motion[:: each // needed].copy(), steps=(h * each / needed, needed))
+
     def demanded(self, p: stage.Stage, x: stage.State) -> tuple[Array, stage.State]:
         """Current (n + 1,) A at rest and in each period, beyond that at rest at the origin; the state at the end."""
         at_origin, begins = _resting(p, stage.at_rest(p, self.origin, x.memory.time)), _resting(p, x)
@@ -209,11 +217,21 @@ def _within_shares(
         alone = put(way.plain, place, get(p, place))
         rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
         rests = stage.at_rest(alone, begins.position, begins.memory.time)
-        own, _ = way.demanded(alone, rests._replace(**rubbing))
+        own, _ = way.for_model(alone).demanded(alone, rests._replace(**rubbing))
         own -= without
-        current -= own - np.clip(own, -most, most)
+        current -= own - _spread(own, most)
         limited += _limited(place, own, most)
     return tuple(limited)
+
+
+def _spread(current: Array, most: float) -> Array:
+    """`current` (n + 1,) A within `most` (A): what a push lacks, as a gap that closes asks for, comes beside it.
+
+    Half a period early and late it gives the same momentum.  What lasts longer than a push is cut.
+    """
+    inside = np.clip(current, -most, most)
+    beside = np.convolve(current - inside, (0.5, 0.0, 0.5), "same")
+    return np.clip(inside + beside, -most, most)
 
 
 def places(p: stage.Stage) -> list[str]:

@@ -66,7 +66,7 @@ def _moved(x: State, h: float, current: float, opposed: _Opposed, bodies: Bodies
     """The state after a step of `h` (s)."""
     m, c, path = x.memory, opposed.contact, opposed.path
     memory = Memory(
-        m.time + h, m.begun, m.acting, m.before, m.heat, bodies.load, bodies.load_velocity, bodies.base,
+        m.time + h, m.begun, m.acting, x.current, m.heat, bodies.load, bodies.load_velocity, bodies.base,
         bodies.base_velocity, c.lagged, c.rested, path.cable, path.turned, path.furthest, path.direction,
         m.rate,
     )  # fmt: skip
@@ -92,7 +92,7 @@ def _opposed(
         (given.position, effects.TURN / p.mechanics.pitch * given.position),
     )
     contact = friction_effects.Contact(x.force, x.bristle, m.lagged, m.rested)
-    driving = p.motor.force_constant * x.current
+    driving = p.motor.force_constant * (2.0 * x.current - m.before)  # as it is now: the last two steps', continued
     limits = friction_effects.limits(c, contact, velocity, place, driving)
     force = friction.stops_between(p.friction.operators, x.stops, dx, limits.low, limits.high)
     contact = friction_effects.slid(c, contact, limits, force, dx)
