@@ -152,11 +152,6 @@ def _tabled(fit: ShapeFit) -> bool:
     return fit.basis.coordinate in TABLES and set(fit.parts) <= set(TABLES[fit.basis.coordinate][1])
 
 
-def size(amplitudes: Array) -> float:
-    """Root mean square, and never 0: it is a standard deviation."""
-    return max(float(np.sqrt(np.mean(amplitudes * amplitudes))), 1e-300)
-
-
 def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> UnknownTerm:
     """Force over the coordinate, fitted together with the base's parameters, which have absorbed a part of it.
 
