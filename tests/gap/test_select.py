@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.selection import linearised, material, select
+from stagectl.gap.selection import drive_alikes, linearised, material, refine, select
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
@@ -34,3 +34,24 @@ def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
     grown = select._with_small(cast("Any", None), library, cast("Any", None), lambda: ())
     assert (grown is after) == fitted and material.nearly_all(MISSING, LEFT, 10)
+
+
+@pytest.mark.parametrize(("present", "expected"), [("current_loop", "dead_time"), ("dead_time", "dead_time")])
+def test_what_makes_a_drive_late_is_decided_again_when_more_is_known(
+    present: str, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lag that stood for a dead time while friction was missing leaves more than that once the friction is there."""
+    left = {"current_loop": 300.0, "dead_time": 200.0}
+    effects = {name: SimpleNamespace(effect=SimpleNamespace(name=name)) for name in (*left, "lead_friction")}
+    forms = [SimpleNamespace(effect=effects[name].effect, values=lambda _: {}, typical=()) for name in left]
+    model = SimpleNamespace(shift=0.0, _replace=lambda **_: None)
+
+    def fitted(_: Any, __: Any, kept: Any) -> Any:
+        return SimpleNamespace(effects=kept, residual_sum_of_squares=left[kept[-1].effect.name])
+
+    monkeypatch.setattr(refine, "refine", fitted)
+    now = SimpleNamespace(
+        model=model, effects=(effects[present], effects["lead_friction"]), residual_sum_of_squares=left[present]
+    )
+    after = drive_alikes.on_time(cast("Any", None), cast("Any", SimpleNamespace(forms=forms)), cast("Any", now))
+    assert {valued.effect.name for valued in after.effects} == {expected, "lead_friction"}

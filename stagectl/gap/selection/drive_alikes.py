@@ -18,12 +18,16 @@ from stagectl.gap.selection.thresholds import AS_CLOSE
 
 
 def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
-    """`now`, or the model with a later drive where the time shift stands for most of that."""
-    if abs(now.model.shift) <= constants.LEAST_SHIFT * e.base.prior.dt:
+    """`now`, or the model with a later drive where the time shift stands for most of that.
+
+    Of later drives the one that explains more: what else was missing may have decided between them before.
+    """
+    late = [valued for valued in now.effects if valued.effect.name in constants.TIMING]
+    if not late and abs(now.model.shift) <= constants.LEAST_SHIFT * e.base.prior.dt:
         return now
-    tried = _later(e, library, now, now.effects)
+    tried = _later(e, library, now, [valued for valued in now.effects if valued not in late])
     best = min([now, *tried], key=lambda fitted: fitted.residual_sum_of_squares)
-    return best if best is not now and stands(library, now, best) else now
+    return best if late or stands(library, now, best) else now
 
 
 def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:

@@ -47,8 +47,9 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     Mechanical effects end where a function of one coordinate predicts far more of the residuals than the best set of
     them explains: the evidence compares what the library holds, and the cause is not in it then.
     """
-    now = drive_alikes.on_time(e, library, refine.start(e))
+    now = refine.start(e)
     while len(now.effects) < constants.MOST_EFFECTS:
+        now = drive_alikes.on_time(e, library, now)  # each time: what else is missing may hide it
         starts = functools.cache(functools.partial(_starts, e, library, now))
         after = (
             _with_more(e, library, now, starts)
