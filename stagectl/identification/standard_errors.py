@@ -40,9 +40,13 @@ def covariance(regressor: Array, residual: Array, ends: Sequence[int] | NDArray[
 
     `ends` are the rows at which one record ends and the next begins: two records are not correlated.
     """
-    scores = np.split(regressor * residual[:, None], ends)
     information = np.linalg.inv(regressor.T @ regressor)
-    return np.asarray(information @ sum(_middle(part) for part in scores) @ information)
+    return np.asarray(information @ of_sum(regressor * residual[:, None], ends) @ information)
+
+
+def of_sum(scores: Array, ends: Sequence[int] | NDArray[np.int64] = ()) -> Array:
+    """Covariance (k, k) of the sum over the rows of `scores` (n, k): S, times ``n/(n - k)`` of each record."""
+    return np.asarray(sum(_middle(part) for part in np.split(scores, ends)))
 
 
 def _middle(scores: Array) -> Array:

@@ -13,6 +13,10 @@ from none to twice this one.  Where a capture has neither a reference nor an inj
 have moved the axis.  Where the encoder's noise is seen, the rows pass all of the answer, and nothing shifts
 (`whitening`).  What is wrong with any of this shows in some frequencies and not in others (`agreement`).
 
+**Where the residual is large.**  Of a current that jumps a log shows to a row when: there the residual is largest, and
+there the delay is read.  A posterior with one variance for all rows does not know that; no variance is below that of
+the sum of each row's influence times its residual (`standard_errors`).
+
 Source: direct identification in closed loop, L. Ljung, System Identification, 2nd ed., 1999, section 13.4.
 """
 
@@ -24,7 +28,7 @@ from scipy.linalg import cho_solve
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.design import Control
-from stagectl.identification import thresholds
+from stagectl.identification import standard_errors, thresholds
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.result import Parameter
 from stagectl.identification.simultaneous import agreement
@@ -99,9 +103,9 @@ def estimated(answer: Answer) -> Estimate:
     covariance += np.outer(noise, noise)
     theta = best.known.mean[:, best.best]
     residual = p.forces(best.delays[[best.best]]).rows[:, 0] - p.columns @ theta
-    bands = _bands(p, answer, sums, delay, p.whitening(residual), added)
-    bands[-1] = max(bands[-1], p.delay.deviation and _uneven(p) ** 2)
-    factors = np.sqrt(np.maximum(bands / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    least = _scatter(p, answer, sums, delay, p.whitening(residual), added)
+    least[-1] = max(least[-1], p.delay.deviation and _uneven(p) ** 2)
+    factors = np.sqrt(np.maximum(least / np.maximum(np.diag(covariance), 1e-300), 1.0))
     covariance *= np.outer(factors, factors)
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     named = [*zip(NAMES, mean.tolist(), halves.tolist(), strict=True), *_gravity(p, answer)]
@@ -142,15 +146,16 @@ def _answered_noise(p: Problem, answer: Answer, sums: Array, delay: _Delay) -> A
     return np.append(sums @ direct, 0.0) + late * delay.variance * delay.parameters
 
 
-def _bands(p: Problem, answer: Answer, sums: Array, delay: _Delay, residual: Array, added: Array) -> Array:
-    """Variances (5,) of NAMES as the frequencies of the whitened `residual` disagree on them; 0 where one is given."""
+def _scatter(p: Problem, answer: Answer, sums: Array, delay: _Delay, residual: Array, added: Array) -> Array:
+    """Variances (5,) of NAMES as frequencies and rows of the whitened `residual` disagree on them; 0: one is given."""
     direct = cho_solve(answer.best.known.factor, sums.T).T
     late = answer.power * delay.variance * (p.white @ delay.weights - delay.slope)
     influence = np.vstack([answer.power * direct @ p.white.T, np.zeros(len(late))]) + np.outer(delay.parameters, late)
     kept = p.whitening.kept
-    return np.array(
-        [agreement.variance(of, residual, more, kept) for of, more in zip(influence, added.tolist(), strict=True)]
-    )
+    bands = [agreement.variance(of, residual, more, kept) for of, more in zip(influence, added.tolist(), strict=True)]
+    ends = np.cumsum(kept)[:-1]
+    rows = [float(standard_errors.of_sum((of * residual)[:, None], ends)[0, 0]) for of in influence]
+    return np.maximum(bands, rows)
 
 
 def _added_by_noise(p: Problem, answer: Answer, sums: Array, delay: _Delay, shift: Array) -> Array:

@@ -40,9 +40,10 @@ def identify(
 ) -> IdentificationResult:
     """Parameters of `file`'s axis from all `captures` together; `delay` (s) is fitted where it is None.
 
-    `delay` is the time by which the force follows the capture's current column, less that by which the position is
-    late; it may be negative.  `gravity` adds terms in the sine and cosine of the angle.  Raises IdentificationError
-    where no capture meets the paper's two conditions, or a linear axis is to have gravity in its angle.
+    `delay` is the time by which the force follows the capture's current column, plus that by which the position is
+    older than its row; it may be negative.  `gravity` adds terms in the sine and cosine of the angle.  Raises
+    IdentificationError where no capture meets the paper's two conditions, or a linear axis is to have gravity in its
+    angle.
     """
     if gravity and file.axis.kind != ROTARY:
         text = (
