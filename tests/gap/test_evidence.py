@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
+from stagectl.gap.effects.effect import Scales
+from stagectl.gap.effects.library import definitions
+from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.constants import INCLUSION
 from stagectl.gap.selection.evidence import Candidate, Conditioned, Prior, compare, conditioned, gains, means, temper
-from stagectl.gap.selection.linearised import Linearised
+from stagectl.gap.selection.linearised import APART, Remains, simulated
 
 ROWS = 40
+SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
+TORQUE_PATH = Candidate("torque_path", 1, Prior((1,), np.zeros(1), np.full(1, 3.0)), 1.0)
 NONE = Conditioned(np.zeros((0, 0)), np.zeros(0), 0.0)
 
 
@@ -132,17 +136,40 @@ def test_what_is_left_counts_once_a_half_stroke() -> None:
     assert temper(1e8, 100) * 1e8 == pytest.approx(100.0, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("left", "odds"),
-    [
-        ((100.0, 50.0), 1.0),  # a simulation with it leaves all that another law of the friction leaves
-        ((100.0, 49.0), math.exp(0.5)),
-        ((0.0, 50.0), math.exp(5.0)),
-    ],
-)
-def test_no_effect_is_more_probable_than_its_simulation_fits(left: tuple[float, float], odds: float) -> None:
+def _odds(before: list[float], after: list[float], size: float = 0.01, current: float = 50.0) -> float:
+    """Of the effect of `size` whose simulation leaves `after` of each half stroke, over those of its being there."""
+    floor, samples = np.full(len(before), 1000.0), np.full(len(before), 5000.0)
+    without, present = (Remains(floor + np.array(left), floor, samples, 50.0) for left in (before, after))
+    effect = next(effect for effect in definitions(SIZE) if effect.name == "dwell")
+    valued = EffectValues(effect, {"rise": size * effect.amplitudes[0].typical[0], "time": 0.1, "length": 1e-3})
+    p = simulated(valued, without, present._replace(current=current), (0.1, 1.0))
+    return p / (1.0 - p) / INCLUSION
+
+
+def test_no_effect_is_more_probable_than_its_simulation_fits() -> None:
     """However well its column explains what the values that are known of the friction leave."""
-    nothing: Any = None
-    at = Linearised(nothing, [], (), (100.0, 50.0), (0.1, 1.0), nothing)
-    p = at.simulated(left)
-    assert p / (1.0 - p) == pytest.approx(INCLUSION * odds)
+    assert _odds([1e5] * 100, [1e5] * 100) == pytest.approx(1.0, rel=0.02)
+    assert _odds([1e5] * 100, [1e5] * 100, current=49.0) == pytest.approx(math.exp(0.5), rel=0.02)
+    assert _odds([400.0] * 10, [100.0] * 10) == pytest.approx((500.0 / 200.0) ** 5.0, rel=0.02)
+
+
+def test_no_half_stroke_decides_alone() -> None:
+    assert _odds([1e6, *[0.0] * 99], [0.0] * 100) < 1.0 / INCLUSION**1.3
+    assert _odds([1e6, *[100.0] * 9], [0.0, *[200.0] * 9]) < 20.0
+
+
+def test_a_size_that_is_seldom_needs_a_better_fit() -> None:
+    fit = [1e5] * 100
+    assert _odds(fit, fit, size=16.0) == pytest.approx(0.007, rel=0.1)
+    assert _odds(fit, fit, size=16.0) < 0.1 * _odds(fit, fit, size=3.0)
+
+
+def test_two_scales_of_one_current_are_in_no_set_together() -> None:
+    """With both, every force and every residual would be as small as one likes."""
+    x, y = _data(3, 2, {0: 3.0, 1: 3.0})
+    found = compare(_start(x, y), [Candidate("current_gain", 0, _prior((0,), 0.0, 3.0), 1.0), TORQUE_PATH], APART)
+    assert {item.effects for item in found.sets} == {
+        frozenset(),
+        frozenset(["current_gain"]),
+        frozenset(["torque_path"]),
+    }

@@ -8,6 +8,7 @@ from typing import Any, cast
 import pytest
 
 from stagectl.gap.effects.library import EFFECTS
+from stagectl.gap.residuals import sensitivities
 from stagectl.gap.selection import drive_alikes, linearised, material, refine, select
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
@@ -55,3 +56,16 @@ def test_what_makes_a_drive_late_is_decided_again_when_more_is_known(
     )
     after = drive_alikes.on_time(cast("Any", None), cast("Any", SimpleNamespace(forms=forms)), cast("Any", now))
     assert {valued.effect.name for valued in after.effects} == {expected, "lead_friction"}
+
+
+@pytest.mark.parametrize(("name", "single"), [("voltage_saturation", True), ("cable_spring", False)])
+def test_what_clips_a_current_is_simulated_for_each_repeat(
+    name: str, single: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It clips the noise of the repeat too: around their mean, three clipped repeats look like three limits."""
+    monkeypatch.setattr(refine, "equipped", lambda *_: None)
+    monkeypatch.setattr(sensitivities, "residuals_of", lambda *_: True)
+    monkeypatch.setattr(sensitivities, "residuals_about", lambda *_: False)
+    e = SimpleNamespace(runs=(), base=SimpleNamespace(noise=None), deviations=())
+    valued = SimpleNamespace(effect=SimpleNamespace(name=name, time_variation=None))
+    assert refine.residuals(cast("Any", e), cast("Any", None), [cast("Any", valued)]) is single

@@ -40,6 +40,7 @@ ONE_OF_MANY = 0.05
 LINE = 20.0
 WAVES = ("cogging", "cogging_map")  # effects that make a line over the position
 TIMING = ("dead_time", "current_loop")  # effects that make it answer later
+CLIPPING = ("current_saturation", "voltage_saturation")  # effects that cut off the noise of a repeat as well
 SCALING = ("current_gain", "torque_path")  # what it reports, and what it gives
 
 # -- sets --------------------------------------------------------------------------------------------------------------

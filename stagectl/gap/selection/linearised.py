@@ -29,6 +29,8 @@ from stagectl.gap.selection.evidence import (
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 WIDER = {effect.name: effect.generalisations for effect in EFFECTS.values() if effect.generalisations}
+# Both scales of the current together make as little of every force as one likes, and of every residual with it.
+APART = {**WIDER, constants.SCALING[0]: constants.SCALING[1:]}
 Cuts = tuple[float, float]  # of the residual effort and of the missing current
 
 
@@ -37,6 +39,15 @@ class Predicted(NamedTuple):
 
     cuts: Cuts = (0.0, 0.0)  # sums of squares
     share: float = 0.0  # of the residual effort, that a function of one coordinate predicts
+
+
+class Remains(NamedTuple):
+    """What one model leaves, with its base, the friction's form and its effects' parameters fitted."""
+
+    strokes: Array  # (c,) sum of squares of the residual effort, of each half stroke
+    floor: Array  # (c,) what of it repeats differ by
+    samples: Array  # (c,) that count, of all repeats
+    current: float  # sum of squares of the missing current
 
 
 class Library(NamedTuple):
@@ -70,15 +81,6 @@ class Linearised(NamedTuple):
         forms = [self.forms[member.form] for member in members]
         return [EffectValues(f.effect, f.values(size.tolist())) for f, size in zip(forms, sizes, strict=True)]
 
-    def simulated(self, left: Cuts) -> float:
-        """Probability of an effect with which a simulation leaves `left`, at most: by its prior odds times the fit.
-
-        Of what another law of the friction or other values of the base explain as well, nothing is its own; and a
-        column that bends promises more than a simulation gives.
-        """
-        gains = (power * (a - b) for power, a, b in zip(self.powers, self.excess, left, strict=True))
-        return float(expit(math.log(constants.INCLUSION) + 0.5 * sum(gains)))
-
     def explained(self, chosen: Weighed) -> float:
         """What a set explains, as a share of what is left of the largest cut."""
         priors = [self.candidates[k].prior for k in chosen.members]
@@ -107,6 +109,8 @@ def linearised(
     more = sensitivities.all_columns(now.equipped, e.runs, columns, e.base.noise)
     g = gram_matrices.fold_sums(gram_matrices.with_columns(library.products, more), now.residuals)
     present = {valued.effect.name for valued in now.effects}
+    if present & set(constants.SCALING):
+        present.update(constants.SCALING)
     forms = tuple(form for form in (*library.forms, *refined) if form.effect.name not in present)
     tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
     nuisances = parameters(e, now, g)
@@ -114,13 +118,37 @@ def linearised(
     left = left_of(g, nuisances, library.products, now)
     effort, current = (temper(cut, strokes(e)) for cut in (library.excess if traces else left))
     start = _start(g, [*nuisances, *small], (effort, current))
-    return Linearised(start, tried, forms, left, (effort, current), compare(start, tried, WIDER))
+    return Linearised(start, tried, forms, left, (effort, current), compare(start, tried, APART))
 
 
 def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
     """Sum of squares above the floor that base, friction and the effects' own parameters leave."""
     g = gram_matrices.fold_sums(known(e, library, now), now.residuals)
     return left_of(g, parameters(e, now, g), library.products, now)
+
+
+def remains(e: Evidence, library: Library, now: Fitted) -> Remains:
+    """What `now` leaves in each half stroke."""
+    g = gram_matrices.grams(known(e, library, now), now.residuals)
+    effort = _strokes_left(g.effort, parameters(e, now, g))
+    samples = [len(run.paths) * np.sum(run.weight[span] ** 2) for run in e.runs for span in spans(run.cluster)]
+    return Remains(effort, g.floor[:, 0], np.array(samples), float(g.current[:, -1, -1].sum()))
+
+
+def simulated(valued: EffectValues, without: Remains, present: Remains, powers: Cuts) -> float:
+    """Probability of an effect, at most: by how often one of its size is there, and by the fit of its simulation.
+
+    Of what another law of the friction or other values of the base explain as well, nothing is its own; and a column
+    that bends promises more than a simulation gives.  The friction's error of form differs from one half stroke to the
+    next, and nobody knows by how much: each of them counts by the ratio of what it leaves, so that none decides alone.
+    That is the likelihood of a Gaussian error of unknown scale, one for each half stroke.  No friction disturbs the
+    current.
+    """
+    floor = np.minimum(without.floor, present.floor)  # an effect that drifts is no noise
+    unsure = np.sqrt(2.0 * np.maximum(present.samples, 1.0))  # standard deviation of the noise's sum of squares
+    before, after = (np.log1p(np.maximum(left.strokes - floor, 0.0) / unsure) for left in (without, present))
+    gain = float(np.sum(before - after)) + powers[1] * (without.current - present.current)
+    return float(expit(math.log(constants.INCLUSION * usual_sizes.as_large(valued)) + 0.5 * gain))
 
 
 def known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products:
@@ -158,10 +186,17 @@ def left_of(g: Grams, nuisances: Sequence[Prior], products: gram_matrices.Produc
 
 
 def _left(g: Array, nuisances: Sequence[Prior]) -> float:
-    places = [place for prior in nuisances for place in prior.places]
-    amplitude = np.concatenate(means(Conditioned(g[:-1, :-1], g[:-1, -1], 0.0), nuisances))
-    a, b = g[np.ix_(places, places)], g[places, -1]
-    return float(g[-1, -1] - 2.0 * b @ amplitude + amplitude @ a @ amplitude)
+    return float(_strokes_left(g[None], nuisances)[0])
+
+
+def _strokes_left(strokes: Array, nuisances: Sequence[Prior]) -> Array:
+    """(c,) Sums of squares that the `nuisances`, fitted to all `strokes` (c, p + 1, p + 1), leave of each."""
+    g, places = strokes.sum(axis=0), [place for prior in nuisances for place in prior.places]
+    residual = np.zeros(len(g))
+    residual[places] = -np.concatenate(means(Conditioned(g[:-1, :-1], g[:-1, -1], 0.0), nuisances))
+    residual[-1] = 1.0
+    left: Array = (strokes @ residual) @ residual
+    return left
 
 
 def _start(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Conditioned:

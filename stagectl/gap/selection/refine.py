@@ -10,7 +10,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection import baseline_fit, bristle_members, priors, thresholds
+from stagectl.gap.selection import baseline_fit, bristle_members, constants, priors, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
 from stagectl.gap.selection.candidates import EffectValues, direction, equipped, on_the_clock
 
@@ -49,9 +49,12 @@ def repeated(e: Evidence) -> bool:
 
 
 def residuals(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> list[list[Array]]:
-    """Whitened residual of each run and repeat under `model` with `effects`."""
+    """Whitened residual of each run and repeat under `model` with `effects`.
+
+    What clips a current acts on the noise of each repeat, and what drifts on its time.
+    """
     whole = equipped(model, effects)
-    if any(valued.effect.time_variation is not None for valued in effects):
+    if any(valued.effect.time_variation or valued.effect.name in constants.CLIPPING for valued in effects):
         return sensitivities.residuals_of(whole, e.runs, e.base.noise)
     return sensitivities.residuals_about(whole, e.runs, e.base.noise, e.deviations)
 

@@ -21,7 +21,7 @@ from stagectl.gap.effects.effect import DRIVE, Definition
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
-from stagectl.gap.selection.linearised import Library, Linearised
+from stagectl.gap.selection.linearised import Library, Linearised, Remains
 from stagectl.gap.selection.material import adequate, explains, is_material, nearly_all, without
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.thresholds import RESONANT_STEPS
@@ -197,12 +197,12 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     selection = Selection(now, left, {}, {}, {}, {})
     for name, wave in lines.items():
         _enter_wave(e, library, selection, name, wave)
-    empty: dict[str, float] = {}
+    empty, present = {}, linearised.remains(e, library, now)
     for valued in others:
-        at = _in_the_place_of(e, library, now, left, valued)
+        at, most = _in_the_place_of(e, library, now, present, valued)
         selection.gains[valued.effect.name] = sum(at.excess) - sum(left)
-        empty[valued.effect.name] = max(_empty(at), 1.0 - at.simulated(left))
-        _enter(selection, at, valued.effect.name)
+        empty[valued.effect.name] = max(_empty(at), 1.0 - most)
+        _enter(selection, at, valued.effect.name, most)
         if valued.effect.name in constants.SCALING:
             _enter_scales(selection, drive_alikes.other_scales(e, library, now), valued.effect.name)
     weak = max(empty, key=empty.__getitem__, default="")
@@ -212,19 +212,21 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
 
 
 def _in_the_place_of(
-    e: Evidence, library: Library, now: Fitted, left: linearised.Cuts, valued: EffectValues
-) -> Linearised:
-    """The sets that may stand in the place of an effect of `now`; it is no trace where it explains what is missing.
+    e: Evidence, library: Library, now: Fitted, present: Remains, valued: EffectValues
+) -> tuple[Linearised, float]:
+    """The sets that may stand in the place of an effect of `now`, and how probable its simulation lets it be at most.
 
-    `left` is what `now` does not explain.
+    It is no trace where it explains what is missing.  `present` is what `now` leaves.
     """
     rest = without(e, now, valued)
     at = linearised.linearised(e, library, rest, valued)
-    present = min(at.verdict.of_effects().get(valued.effect.name, 0.0), at.simulated(left))
-    if present >= constants.KEPT or not is_material(e, library, now, valued):
-        return at
+    most = linearised.simulated(valued, linearised.remains(e, library, rest), present, at.powers)
+    if min(at.verdict.of_effects().get(valued.effect.name, 0.0), most) >= constants.KEPT:
+        return at, most
+    if not is_material(e, library, now, valued):
+        return at, most
     library = drive_alikes.without_unlike(e, library, now, valued)
-    return linearised.linearised(e, library, rest, valued, traces=False)
+    return linearised.linearised(e, library, rest, valued, traces=False), most
 
 
 def _empty(at: Linearised) -> float:
@@ -244,8 +246,11 @@ def is_trace(valued: EffectValues) -> bool:
     return not valued.effect.nonlinear and math.hypot(*sizes) < constants.IMMATERIAL
 
 
-def _enter(selection: Selection, at: Linearised, name: str) -> None:
-    """What the evidence says of the effect `name` that was taken out, and of others in its place."""
+def _enter(selection: Selection, at: Linearised, name: str, most: float) -> None:
+    """What the evidence says of the effect `name` that was taken out, and of others in its place.
+
+    It is no more probable than `most`.
+    """
     sets = [item for item in at.verdict.sets if name not in item.effects]
     present = at.verdict.of_effects().get(name, 0.0)
     odds: dict[str, float] = {}
@@ -256,7 +261,7 @@ def _enter(selection: Selection, at: Linearised, name: str) -> None:
     for other in (other for other, ratio in odds.items() if ratio >= constants.COMPARABLE):
         best = next(item for item in sets if other in item.effects)
         rivals[other] = next(valued for valued in at.values(best) if valued.effect.name == other)
-    selection.probability[name] = min(present, at.simulated(selection.left))
+    selection.probability[name] = min(present, most)
     selection.alternatives[name] = dict(sorted(odds.items(), key=lambda pair: -pair[1]))
     selection.rivals[name] = rivals
 

@@ -4,11 +4,12 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.special import chdtrc
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.selection import constants, priors
-from stagectl.gap.selection.candidates import Form
+from stagectl.gap.selection.candidates import EffectValues, Form
 from stagectl.gap.selection.evidence import Candidate, Prior
 from stagectl.gap.selection.refine import Fitted
 
@@ -80,6 +81,19 @@ def _candidates(form: Form, number: int, places: tuple[int, ...], share: float) 
         Candidate(name, number, Prior(places, none, scale * size), share * often / whole, positive)
         for scale, often in constants.SCALES
     ]
+
+
+def as_large(valued: EffectValues) -> float:
+    """Of the machines that have the effect, the share on which it is as large as here, or larger.
+
+    By the scales of the typical size; a column that bends was taken at its size, of which nothing else is known.
+    """
+    if valued.effect.nonlinear:
+        return 1.0
+    amplitudes = valued.effect.amplitudes
+    size = sum((valued.values[a.name] / a.typical[0]) ** 2 for a in amplitudes)
+    larger = sum(often * chdtrc(len(amplitudes), size / scale**2) for scale, often in constants.SCALES)
+    return float(larger / sum(often for _, often in constants.SCALES))
 
 
 def of_own(now: Fitted, places: Places) -> Prior:
