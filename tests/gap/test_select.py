@@ -69,3 +69,17 @@ def test_what_clips_a_current_is_simulated_for_each_repeat(
     e = SimpleNamespace(runs=(), base=SimpleNamespace(noise=None), deviations=())
     valued = SimpleNamespace(effect=SimpleNamespace(name=name, time_variation=None))
     assert refine.residuals(cast("Any", e), cast("Any", None), [cast("Any", valued)]) is single
+
+
+@pytest.mark.parametrize(("predicted_after", "stands"), [(0.0, True), (500.0, False)])
+def test_mechanics_stand_where_no_function_predicts_more(
+    predicted_after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An eighth of the misfit is left, next to functions that explain all of it: noise alone is no rival."""
+    valued = SimpleNamespace(effect=SimpleNamespace(name="cable_spring", block="mechanics"))
+    before, after = SimpleNamespace(effects=(), left=800.0), SimpleNamespace(effects=(valued,), left=100.0)
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
+    of = {800.0: linearised.Predicted((700.0, 0.0), 1.2), 100.0: linearised.Predicted((predicted_after, 0.0))}
+    library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
+    nothing, fits = cast("Any", None), (cast("Any", before), cast("Any", after))
+    assert select._stands_against_functions(nothing, library, *fits) is stands

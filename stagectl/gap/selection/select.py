@@ -79,7 +79,7 @@ def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
 def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
     """Whether the mechanics that `after` adds to `now` explain about as much as any function of one coordinate.
 
-    They may leave more than the function does, by an error of their form.
+    They may leave more than the function does, by an error of their form, or what no function predicts.
     """
     present = {valued.effect.name for valued in now.effects}
     added = [valued for valued in after.effects if valued.effect.name not in present]
@@ -89,7 +89,9 @@ def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after:
     before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
     if not adequate(before, left, predicted.cuts[0]):
         return False
-    return left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - predicted.share) * before
+    if left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - predicted.share) * before:
+        return True
+    return not library.predict(e, after).cuts[0]
 
 
 def _first_of(
