@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from stagectl.gap.inference.value_errors import EXPERIMENT, Errors, _borne_out, _dilution, log_odds
+from stagectl.gap.inference.value_errors import Errors, _borne_out, _dilution, log_odds
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import data_parts
 from stagectl.gap.residuals.gram_matrices import Products
@@ -56,20 +56,26 @@ def test_no_inertia_needs_more_force_than_there_is() -> None:
     assert fitted + larger == pytest.approx(1e-3 / 0.9**0.5, rel=0.05)
 
 
+def of_size(variation: object, **deviations: float) -> float:
+    """Probability of an effect of 0.2 whose value is known as well as each division of the data says."""
+    gain = SimpleNamespace(name="gain", typical=(0.02,))
+    effect = SimpleNamespace(name="current_gain", amplitudes=(gain,), time_variation=variation)
+    valued = cast("Any", SimpleNamespace(effect=effect, values={"gain": 0.2}))
+    square = {way: np.array([[deviation**2]]) for way, deviation in deviations.items()}
+    names, none = ("current_gain.gain",), np.zeros(1)
+    return _borne_out(valued, {way: Errors(cast("Any", None), names, x, x, none) for way, x in square.items()})
+
+
 def test_of_what_was_not_repeated_one_division_must_tell_the_size() -> None:
     """Two effects that stand in for each other have none by any; a drift must have one by experiment."""
-    gain = SimpleNamespace(name="gain", typical=(0.02,))
+    assert of_size(None, experiment=1.7, velocity=1.7) < 0.5 < 0.9 < of_size(None, experiment=1.7, velocity=0.02)
+    assert of_size("decay", experiment=1.7, velocity=0.02) < 0.5 < of_size("decay", experiment=0.02, velocity=1.7)
 
-    def sure(variation: object, *deviations: float) -> float:
-        effect = SimpleNamespace(name="current_gain", amplitudes=(gain,), time_variation=variation)
-        valued = cast("Any", SimpleNamespace(effect=effect, values={"gain": 0.2}))
-        square = [np.array([[deviation**2]]) for deviation in deviations]
-        none = np.zeros(1)
-        ways = [Errors(cast("Any", None), ("current_gain.gain",), each, each, none) for each in square]
-        return _borne_out(valued, dict(zip((EXPERIMENT, "velocity"), ways, strict=True)))
 
-    assert sure(None, 1.7, 1.7) < 0.5 < 0.9 < sure(None, 1.7, 0.02)
-    assert sure("decay", 1.7, 0.02) < 0.5 < sure("decay", 0.02, 1.7)
+def test_of_what_was_repeated_both_repeats_and_experiments_must_tell_the_size() -> None:
+    assert of_size(None, experiment=0.02, clock=0.02, velocity=1.7) > 0.9
+    assert of_size(None, experiment=1.7, clock=0.02) < 0.5 and of_size(None, experiment=0.02, clock=1.7) < 0.5
+    assert of_size("decay", experiment=0.02, clock=1.7) > 0.9 and of_size("decay", experiment=1.7, clock=0.02) < 0.5
 
 
 @pytest.mark.parametrize("repeats", [1, 3])
