@@ -48,9 +48,10 @@ def test_what_makes_a_drive_late_is_decided_again_when_more_is_known(
     model = SimpleNamespace(shift=0.0, _replace=lambda **_: None)
 
     def fitted(_: Any, __: Any, kept: Any) -> Any:
-        return SimpleNamespace(effects=kept, residual_sum_of_squares=left[kept[-1].effect.name])
+        return SimpleNamespace(model=model, effects=kept, residual_sum_of_squares=left[kept[-1].effect.name])
 
     monkeypatch.setattr(refine, "refine", fitted)
+    monkeypatch.setattr(refine, "first_step", fitted)
     now = SimpleNamespace(
         model=model, effects=(effects[present], effects["lead_friction"]), residual_sum_of_squares=left[present]
     )

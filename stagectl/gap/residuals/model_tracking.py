@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from stagectl.gap.logs.log_start import LogStart, of_log
 from stagectl.gap.logs.session import Array, Log
 from stagectl.gap.residuals.noise_at_rest import Spans, quiet
 from stagectl.gap.residuals.thresholds import SUBSTEPS, TICK, TRACKER_BANDWIDTH
-from stagectl.kernels import feedback, stage, tracked_model
+from stagectl.kernels import feedback, friction, stage, tracked_model
 
 
 class MeasuredPath(NamedTuple):
@@ -93,6 +94,12 @@ def places(position: Array, late: int, count: int) -> Array:
     return sliding_window_view(line, 4)[: len(position)] @ cubic
 
 
+def _that_carries(p: stage.Friction) -> stage.Friction:
+    """`p` without stop operators of no weight: they give no force, and a fitted family has many."""
+    weight, slip = p.operators.weight, p.operators.slip
+    return p._replace(operators=friction.bundle(compress(weight, weight), compress(slip, weight)))
+
+
 def tracking_residual(
     p: tracked_model.Tied, path: MeasuredPath, substeps: int = SUBSTEPS, load: float = 0.0
 ) -> ModelResidual:
@@ -100,7 +107,8 @@ def tracking_residual(
 
     Its friction begins with the share `load` of what it can hold, or in the middle of a motion without that share.
     """
-    p = p._replace(stage=p.stage._replace(encoder=p.stage.encoder._replace(step=0.0)))  # the log is quantised already
+    encoder = p.stage.encoder._replace(step=0.0)  # the log is quantised already
+    p = p._replace(stage=p.stage._replace(encoder=encoder, friction=_that_carries(p.stage.friction)))
     start = path.begins
     plant = start.plant(p.stage, path.dt)
     if load:

@@ -92,10 +92,11 @@ def _earlier(path: MeasuredPath, column: int, samples: float) -> MeasuredPath:
 
 def _later_value(signal: Array, samples: float) -> Array:
     """The value (n,) of a signal so many `samples` later, by linear interpolation; at its ends the last one holds."""
-    whole, last = math.floor(samples), len(signal) - 1
-    row = np.arange(whole, whole + len(signal))
-    held, later = signal[np.clip(row, 0, last)], signal[np.clip(row + 1, 0, last)]
-    value: Array = held + (samples - whole) * (later - held)
+    whole, rows = math.floor(samples), len(signal)
+    first = min(max(whole, 0), rows - 1)
+    before, after = min(max(-whole, 0), rows), min(max(whole + 1, 0), rows)
+    line = np.pad(signal[first:], (before, after), mode="edge")[: rows + 1]  # one more row than the signal
+    value: Array = line[:-1] + (samples - whole) * np.diff(line)
     return value
 
 

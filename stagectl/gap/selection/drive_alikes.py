@@ -81,7 +81,13 @@ def _without(library: Library, names: AbstractSet[str]) -> Library:
 
 
 def _later(e: Evidence, library: Library, now: Fitted, others: Sequence[EffectValues]) -> list[Fitted]:
-    """Every form of a later drive beside `others`, refined from a log without time shift."""
-    forms = [form for form in library.forms if form.effect.name in constants.TIMING]
-    begin = now.model._replace(shift=0.0)
-    return [refine.refine(e, begin, [*others, EffectValues(f.effect, f.values(f.typical))]) for f in forms]
+    """Every later drive beside `others`, refined from a log without time shift.
+
+    Of places on one effect's grid only that from which one step explains most: all of them lead to the same values.
+    """
+    begin, best = now.model._replace(shift=0.0), dict[str, Fitted]()
+    for form in (form for form in library.forms if form.effect.name in constants.TIMING):
+        name, valued = form.effect.name, EffectValues(form.effect, form.values(form.typical))
+        after = refine.first_step(e, begin, [*others, valued])
+        best[name] = min(best.get(name, after), after, key=lambda fitted: fitted.residual_sum_of_squares)
+    return [refine.refine(e, fitted.model, fitted.effects) for fitted in best.values()]
