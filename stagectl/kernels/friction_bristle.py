@@ -24,6 +24,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from stagectl.kernels import friction
+from stagectl.kernels.constants import SERIES_BELOW
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -73,10 +74,22 @@ def _decayed(w: float, exponent: float, move: float) -> float:
         return w / (1.0 + size * move)
     if size == 0.0:
         return 0.0
-    grown = size ** (1.0 - exponent) - (1.0 - exponent) * move
-    if grown <= 0.0:
-        return 0.0
-    return math.copysign(grown ** (1.0 / (1.0 - exponent)), w)
+    share = move * math.exp((exponent - 1.0) * math.log(size))
+    if exponent * share < SERIES_BELOW:
+        return w * _less(exponent, share)
+    grown = (exponent - 1.0) * share
+    return w * math.exp(math.log1p(grown) / (1.0 - exponent)) if grown > -1.0 else 0.0
+
+
+@kernel
+def _less(n: float, y: float) -> float:
+    """``(1 - (1 - n) y)^(1/(1 - n))`` as a series in a small share y of what is left: as exact, without two powers."""
+    third = n * (2.0 * n - 1.0) / 6.0
+    fourth = third * (3.0 * n - 2.0) * 0.25
+    fifth = fourth * (4.0 * n - 3.0) * 0.2
+    sixth = fifth * (5.0 * n - 4.0) / 6.0
+    square = y * y
+    return 1.0 - y + square * (0.5 * n - third * y + square * (fourth - fifth * y + square * sixth))
 
 
 def settled(p: Bristle, load: float, share: float = 1.0) -> float:
