@@ -74,6 +74,7 @@ class Topic(enum.StrEnum):
     AT_REST = "at rest"
     ACCELERATION_BOUND = "acceleration bound"  # a form of friction that holds for one acceleration only
     AFTER_REVERSALS = "after reversals"  # a residual concentrated there
+    BEND = "bend"  # of the viscous friction, over the speed
     CLIPPED = "clipped"
     CONSTANT_CURRENT = "constant current"
     COHERENCE = "coherence"

@@ -220,8 +220,9 @@ FINE_WINDOW = 2.1e-3  # s, knot distance from which the encoder's steps hide the
 INERTIA_DOUBT, VISCOUS_DOUBT = 0.3, 0.5  # of the stage file's values; as in the diagnosis of the gap
 NATURAL_DAMPING = 0.5  # 1/s times the inertia, added to the doubt of the viscous friction: the stage file's may be 0
 DELAY_PERIODS, DELAY_DOUBT = 2.0, 1e-3  # control periods, and s at least
-FRICTION_SCALES = (  # of ripple, operators, bristles, Stribeck and lag, in Coulomb frictions
+FRICTION_SCALES = (  # of ripple, bend, operators, bristles, Stribeck and lag, in Coulomb frictions
     (0.0, 0.05),
+    (0.0, 0.3),
     (0.0, 0.01, 0.03, 0.1, 0.4),
     (0.0, 0.01, 0.1, 0.4),
     (0.0, 0.01, 0.03, 0.1, 0.3),
@@ -229,8 +230,8 @@ FRICTION_SCALES = (  # of ripple, operators, bristles, Stribeck and lag, in Coul
 )
 # The same where the encoder's noise is seen: an error of form, and not the path's, which longer ones take up with the
 # inertia: on foreign axes it fell by up to 90 %.
-STEPPED_SCALES = ((0.0, 0.05), (0.0, 0.01, 0.03), (0.0, 0.01, 0.03), (0.0, 0.01, 0.03), (0.0,))
-FIRST_SCALES = (0.0, 0.0, 0.0, 0.0, 0.0)  # with which the search begins: the simplest law
+STEPPED_SCALES = ((0.0, 0.05), (0.0, 0.3), (0.0, 0.01, 0.03), (0.0, 0.01, 0.03), (0.0, 0.01, 0.03), (0.0,))
+FIRST_SCALES = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # with which the search begins: the simplest law
 NO_SCALE = 1e-4  # in Coulomb frictions: a group that is left out
 LEAST_FRICTION = 0.1  # of the rms force: the least scale of friction; smaller friction is a small scale of it
 
@@ -253,8 +254,7 @@ FIRST_VARIANCE, LEAST_RESIDUAL = 1e-4, 1e-6  # of the force's mean square; of it
 FORM_ERROR = 2e-3  # of the Coulomb friction: what the columns leave of a law, at least; chosen
 OTHER_LOOP = 3.0**-0.5  # of the answer of the stage file's loop to noise: deviation of a share from 0 to 2, evenly
 FORM_VALUES = 16.0  # values that an error of form is worth; calibrated on simulated axes of five laws
-BANDS = 8  # of frequency that must agree: the last eighth of what is known shows what noise adds; chosen
-LEAST_FREEDOM = 1e-3  # of a variance that bands tell: one sine may be all in one of them
+BANDS, LEAST_FREEDOM = 8, 1e-3  # of frequency that must agree, the last shows noise; least of a variance that they tell
 FAR_ROWS = 30  # rows over which the window and a slow residual correlate
 SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen
 

@@ -11,6 +11,7 @@ import stagectl as sc
 from stagectl.api.record import MotionRecord
 from stagectl.identification.capture import Array
 from tests.conftest import CONFIG
+from tests.identification import synthetic
 
 STAGE = CONFIG / "ball-screw.yaml"
 
@@ -128,3 +129,15 @@ def test_a_delay_is_known_no_better_than_the_time_stamps(tmp_path: Path) -> None
     np.savetxt(log, table, delimiter=",", header="time_s,position_rad,current_A", comments="", fmt="%.9g")
     delay = sc.identify(STAGE, log).parameters["delay"]
     assert delay.high - delay.low > 0.02
+
+
+def test_a_log_is_read_as_import_reads_it(tmp_path: Path) -> None:
+    """Headers of a drive's scope, with their units in brackets: what `stagectl import` guesses, identify does too."""
+    header = "Time [s],Actual position [rad],Iq [A]"
+    log = synthetic.write_csv(tmp_path / "scope.csv", synthetic.motion(), header)
+    fit = sc.identify(STAGE, log)
+    assert fit["inertia"].value == pytest.approx(synthetic.J, rel=0.02)
+    assert "current is taken from 3" in str(fit)  # what is guessed is said
+    record = sc.load_log(log, stage=STAGE)
+    assert isinstance(record, MotionRecord)
+    assert len(record["time"]) == synthetic.ROWS

@@ -22,6 +22,7 @@ from stagectl.trajectories import Sine
 from tests.conftest import Tracked
 from tests.foreign_plants import capture_cases
 from tests.foreign_plants.nominal import STAGE_FILE
+from tests.identification import synthetic
 from tests.identification.driven import Sensor, capture, sine
 from tests.identification.virtual import Machine, held
 
@@ -424,6 +425,27 @@ def test_a_coarse_encoder_makes_the_delay_no_longer(tmp_path: Path) -> None:
     assert found["delay"].value == pytest.approx(foreign.truth.delay, abs=0.5e-3)  # it was 1.05 ms too long
     assert found["viscous"].value == pytest.approx(foreign.truth.viscous, rel=0.01)  # 1.8 %
     assert found["coulomb"].value == pytest.approx(foreign.truth.coulomb, rel=0.03)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.3])
+def test_viscous_friction_that_bends_with_speed_is_named_and_held(tmp_path: Path, bend: float) -> None:
+    """Lubricant that shears thinner: D is the slope of the straight line over the speeds of the motion."""
+    columns = synthetic.motion()
+    speed = np.gradient(columns["reference"], synthetic.DT)
+    drag = synthetic.D * speed * ((1.0 + np.abs(speed) / (0.5 * np.abs(speed).max())) ** -bend - 1.0)
+    log = synthetic.write_csv(
+        tmp_path / "log.csv", columns | {"measured_current": columns["measured_current"] + drag / synthetic.KT}
+    )
+    fit = sc.identify(CONFIG / "ball-screw.yaml", log)
+    truth = {
+        "inertia": synthetic.J,
+        "viscous": synthetic.D + float(drag @ speed / (speed @ speed)),
+        "coulomb": synthetic.TC,
+    }
+    for name, value in truth.items():
+        row = fit.parameters[name]
+        assert abs(row.value - value) < row.half < 0.1 * value
+    assert (Topic.BEND in topics(fit.estimate.notes)) is (bend > 0.0)
 
 
 def jumps(seed: int, delay: float) -> Column:

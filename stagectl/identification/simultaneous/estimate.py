@@ -13,6 +13,9 @@ from none to twice this one.  Where a capture has neither a reference nor an inj
 have moved the axis.  Where the encoder's noise is seen, the rows pass all of the answer, and nothing shifts
 (`whitening`).  What is wrong with any of this shows in some frequencies and not in others (`agreement`).
 
+**Friction that bends with speed.**  Two columns, ``v |v|`` and ``v^3``, hold what no straight line does.  D is the
+slope of the line, from the Coulomb friction on, that is nearest over the speeds moved: what a stage file can hold.
+
 **Where the residual is large.**  Of a current that jumps a log shows to a row when: there the residual is largest, and
 there the delay is read.  A posterior with one variance for all rows does not know that; no variance is below that of
 the sum of each row's influence times its residual (`standard_errors`).
@@ -34,7 +37,15 @@ from stagectl.identification.result import Parameter
 from stagectl.identification.simultaneous import agreement
 from stagectl.identification.simultaneous.evidence import Answer
 from stagectl.identification.simultaneous.model import DelayPrior, Problem
-from stagectl.identification.simultaneous.regressors import ACCELERATION, ONE, RIPPLE, VELOCITY, controlled, stepped
+from stagectl.identification.simultaneous.regressors import (
+    ACCELERATION,
+    BEND,
+    ONE,
+    RIPPLE,
+    VELOCITY,
+    controlled,
+    stepped,
+)
 from stagectl.units import ROTARY
 
 NAMES = ("inertia", "viscous", "coulomb", "offset", "delay")
@@ -50,6 +61,7 @@ class Estimate(NamedTuple):
     per_delay: Array  # (5,) change of each per second of delay
     theta: Array  # (m,) of all columns, at the best scales and delay
     residual: Array  # (rows,) N m | N, there
+    bend: tuple[float, float] | None  # viscous friction over speed, at rest and at the fastest; None: it is straight
     ripple: float | None  # N m | N, once per revolution; None: none is seen
     prior: dict[str, tuple[float, float]]  # value and half interval before the data: inertia, viscous, delay
 
@@ -110,16 +122,34 @@ def estimated(answer: Answer) -> Estimate:
     halves = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     named = [*zip(NAMES, mean.tolist(), halves.tolist(), strict=True), *_gravity(p, answer)]
     parameters = {name: Parameter.named(name, p.file.axis.kind, value, half) for name, value, half in named}
-    return Estimate(p, answer, parameters, covariance, delay.parameters, theta, residual, _ripple(p, answer), _prior(p))
+    seen = (_bend(p, answer), _ripple(p, answer))
+    return Estimate(p, answer, parameters, covariance, delay.parameters, theta, residual, *seen, _prior(p))
 
 
 def _sums(p: Problem) -> Array:
     """(4, m) from all columns to NAMES without the delay."""
     sums = np.zeros((len(NAMES) - 1, len(p.gram)))
     sums[0, ACCELERATION] = sums[1, VELOCITY] = sums[3, ONE] = 1.0
+    sums[1, BEND] = _mean_slopes(p)
     for name in ("operators", "bristles", "law"):
         sums[2, p.groups[name]] = 1.0
     return sums
+
+
+def _mean_slopes(p: Problem) -> Array:
+    """Slope (BEND,) of each bend over the moved speeds: that of the line from zero that is nearest to it."""
+    velocity = p.columns[:, VELOCITY]
+    return np.asarray(velocity @ p.columns[:, BEND] / (velocity @ velocity), dtype=np.float64)
+
+
+def _bend(p: Problem, answer: Answer) -> tuple[float, float] | None:
+    """Viscous friction over the speed at rest and at the fastest, where it bends beyond chance."""
+    rows, fastest = np.zeros((3, len(p.gram))), p.shapes.fastest
+    rows[0, VELOCITY], rows[1:, BEND] = 1.0, np.diag([fastest, fastest**2])
+    mean, covariance = answer.moments(rows)
+    rest, bend = float(mean[0]), mean[1:-1]
+    wald = float(bend @ np.linalg.solve(covariance[1:-1, 1:-1], bend))
+    return (rest, rest + float(bend.sum())) if wald > thresholds.RIPPLE else None
 
 
 def _delay(p: Problem, answer: Answer, sums: Array, variance: float) -> _Delay:

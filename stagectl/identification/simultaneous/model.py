@@ -21,6 +21,7 @@ from stagectl.identification.simultaneous.beliefs import MECHANICAL, Beliefs, be
 from stagectl.identification.simultaneous.captured_motion import Motion
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
+    BEND,
     FREE,
     RIPPLE,
     VELOCITY,
@@ -36,7 +37,7 @@ from stagectl.identification.simultaneous.whitening import Whitening
 from stagectl.identification.simultaneous.windows import resolution
 from stagectl.units import ROTARY
 
-GROUPS = ("ripple", "operators", "bristles", "stribeck", "lag")
+GROUPS = ("ripple", "bend", "operators", "bristles", "stribeck", "lag")
 Scales = tuple[float, ...]  # of GROUPS, in units of the Coulomb friction
 
 
@@ -106,7 +107,7 @@ class Problem(NamedTuple):
         last = first + len(self.laws[0].weights)
         forces = first + laws.LAWS[self.laws[0].name].forces(self.shapes)
         own = {"law": slice(first, forces), "damping": slice(forces, last), "tangent": slice(last, len(self.gram))}
-        return {"ripple": RIPPLE, **friction, **own}
+        return {"ripple": RIPPLE, "bend": BEND, **friction, **own}
 
     def forces(self, delays: Array) -> Forces:
         """Left sides at these delays (k,) s."""
@@ -143,6 +144,7 @@ class Problem(NamedTuple):
         for name, scale in zip(GROUPS, scales, strict=True):
             deviation[self.groups[name]] = max(scale, thresholds.NO_SCALE) * self.coulomb
         deviation[RIPPLE] = self.coulomb * _ripples(self.parts, self.file, scales[0], self.gravity)
+        deviation[BEND] = _bends(self.before, self.shapes.fastest, scales[1])
         law, damping = self.groups["law"], self.groups["damping"]
         own = slice(law.start, damping.stop)
         mean[own], deviation[own] = laws.prior(law.stop - law.start, own.stop - own.start, self.coulomb)
@@ -229,13 +231,13 @@ def _followed(
 def _setting(
     seen: Motion, before: Beliefs, file: StageFile, delay: DelayPrior, noise: Whitening | None = None
 ) -> refinement.Setting:
-    """What the laws are refined on: the first rows of every capture, whitened as this `noise`."""
+    """What the laws are refined on: the first rows of every capture, whitened as this `noise`; nothing bends yet."""
     rows = thresholds.LAW_STEPPED_ROWS if any(stepped(p) for p in seen.parts) else thresholds.LAW_ROWS
     most = max(1, rows // len(seen.parts))
     heads = [p._replace(places=p.places._replace(number=min(most, p.rows))) for p in seen.parts]
     white = whitening.none([p.rows for p in heads])
     white = white if noise is None else noise._replace(rows=white.rows)
-    free, force = white(np.vstack([one[:most] for one in seen.free])), _forces(heads, file, delay)
+    free, force = white(np.vstack([one[:most, : BEND.start] for one in seen.free])), _forces(heads, file, delay)
     ripple = _ripples(heads, file, thresholds.FRICTION_SCALES[0][-1], seen.gravity)
     coulomb = before.coulomb
     return refinement.Setting(
@@ -246,7 +248,7 @@ def _setting(
         free[:, VELOCITY:],
         free[:, VELOCITY:].T @ free[:, VELOCITY:],
         lambda late: white(force(late)),
-        np.r_[before.mean[1], np.zeros(FREE - 2)],
+        np.r_[before.mean[1], np.zeros(BEND.start - 2)],
         np.r_[before.deviation[1], coulomb, coulomb * ripple],
         coulomb,
         (delay.mean, delay.deviation),
@@ -263,6 +265,12 @@ def _ripples(parts: list[Part], file: StageFile, scale: float, gravity: bool) ->
     deviation = np.maximum(scale * ripple_shares(parts) * (file.axis.kind == ROTARY), thresholds.NO_SCALE)
     deviation[:2] = thresholds.GRAVITY if gravity else deviation[:2]
     return np.asarray(deviation, dtype=np.float64)
+
+
+def _bends(before: Beliefs, fastest: float, scale: float) -> Array:
+    """Standard deviations (BEND,) of the bends' columns: at the `fastest` speed a share of the friction there."""
+    friction = before.coulomb + abs(before.mean[1]) * fastest
+    return np.asarray(max(scale, thresholds.NO_SCALE) * friction / fastest ** np.array([2.0, 3.0]))
 
 
 def _forces(parts: list[Part], file: StageFile, delay: DelayPrior) -> Callable[[float], Array]:

@@ -38,6 +38,7 @@ def written(p: Estimate) -> tuple[Note, ...]:
         *_prior(p),
         *_tied(p),
         *_imprecise(p),
+        *_bend(p),
         *_ripple(p),
         *_form(p),
     )
@@ -226,6 +227,19 @@ def _imprecise(p: Estimate) -> Iterator[Note]:
             "looks like this"
         )
         yield Note(Topic.PRECISION, text)
+
+
+def _bend(p: Estimate) -> Iterator[Note]:
+    if p.bend is None:
+        return
+    rest, fast = p.bend
+    speed = f"{p.problem.shapes.fastest:.3g} {unit_on(p.file.axis.kind, 'rad/s | m/s')}"
+    text = (
+        f"viscous: the friction bends with speed, from {rest:.3g} {p.parameters['viscous'].unit} at rest to {fast:.3g} "
+        f"at {speed}; the value is that of the straight line nearest to it over the speeds of this motion, and holds "
+        "for these only"
+    )
+    yield Note(Topic.BEND, text)
 
 
 def _ripple(p: Estimate) -> Iterator[Note]:

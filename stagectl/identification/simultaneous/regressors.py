@@ -30,8 +30,9 @@ from stagectl.identification.simultaneous.windows import (
 )
 
 ACCELERATION, VELOCITY, ONE = 0, 1, 2
-FREE = 3 + 2 * thresholds.RIPPLE_ORDERS  # columns before those of the friction
-RIPPLE = slice(3, FREE)  # sine and cosine of one, two, ... periods a revolution
+RIPPLE = slice(3, 3 + 2 * thresholds.RIPPLE_ORDERS)  # sine and cosine of one, two, ... periods a revolution
+BEND = slice(RIPPLE.stop, RIPPLE.stop + 2)  # velocity times its size, and times its square
+FREE = BEND.stop  # columns before those of the friction
 
 
 class Part(NamedTuple):
@@ -79,7 +80,7 @@ def thinned(parts: list[Part], most: int) -> list[Part]:
 
 
 def motion(p: Part) -> Array:
-    """Columns (rows, `FREE`) of one capture without friction: acceleration, velocity, one, and those of a ripple."""
+    """Columns (rows, `BEND.start`) of one capture without friction: acceleration, velocity, one, and a ripple's."""
     x, dt = p.capture.position - p.capture.position[0], p.capture.dt
     smooth = window(p.q, dt)
     return np.column_stack(
