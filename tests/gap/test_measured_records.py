@@ -60,7 +60,8 @@ def test_emps_has_no_delay_of_a_period_and_an_asymmetry() -> None:
     asymmetry = named(result, "viscous_asymmetry").parameters["size"].value
     assert asymmetry == pytest.approx((166.7 - 240.4) / (166.7 + 240.4), rel=0.1)
     assert abs(named(result, "bias").parameters["bias"].value) < 1.0
-    assert "inertia" not in {effect.name for effect in result.named}
+    # A zone of another length explains 1.5 % of what is left: 1.7 standard errors, over eight half strokes.
+    assert not {"inertia", "presliding"} & {effect.name for effect in result.named}
     ripple = named(result, "cogging_map").parameters["order"].value  # of the pitch: the stage file's is 2 pi m
     assert 2.0 * math.pi / ripple == pytest.approx(2.5e-3, rel=0.002)
     base = diagnose.baseline(session, ()).base.model.stage

@@ -9,7 +9,7 @@ import pytest
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import sensitivities
-from stagectl.gap.selection import drive_alikes, linearised, material, refine, select
+from stagectl.gap.selection import drive_alikes, linearised, material, refine, select, waves
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
@@ -84,3 +84,35 @@ def test_mechanics_stand_where_no_function_predicts_more(
     library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
     nothing, fits = cast("Any", None), (cast("Any", before), cast("Any", after))
     assert select._stands_against_functions(nothing, library, *fits) is stands
+
+
+@pytest.mark.parametrize(("rise", "kept"), [(-0.9, False), (5.0, False), (4.9, True), (0.0, True)])
+def test_the_search_goes_on_without_an_effect_at_an_end_of_its_range(
+    rise: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would explain more with a value that no machine has: another cause of the library comes next."""
+    amplitude = SimpleNamespace(name="rise", low=-0.9, high=5.0)
+    effects = {n: SimpleNamespace(name=n, amplitudes=[amplitude]) for n in ("thermal_viscous", "stribeck")}
+    sizes = {"thermal_viscous": rise, "stribeck": 0.1}
+    found = {n: SimpleNamespace(effect=effect, values={"rise": sizes[n]}) for n, effect in effects.items()}
+    forms = tuple(SimpleNamespace(effect=effect) for effect in effects.values())
+
+    def with_more(_: Any, library: Any, now: Any, __: Any) -> Any:
+        return None if now.effects else SimpleNamespace(effects=(found[library.forms[0].effect.name],))
+
+    monkeypatch.setattr(refine, "start", lambda _: SimpleNamespace(effects=()))
+    monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
+    monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
+    monkeypatch.setattr(select, "_with_more", with_more)
+    monkeypatch.setattr(select, "_with_small", lambda *_: None)
+    monkeypatch.setattr(waves, "with_wave", lambda *_: None)
+    monkeypatch.setattr(select, "established", lambda _, __, now, ___: now)
+    library = linearised.Library(cast("Any", forms), cast("Any", None), (0.0, 0.0))
+    now = cast("Any", select.select(cast("Any", None), library, lambda _: None))
+    assert [valued.effect.name for valued in now.effects] == ["thermal_viscous" if kept else "stribeck"]
+
+
+@pytest.mark.parametrize(("time", "expected"), [(-1e-3, False), (2e-3, True), (1e-3, False)])
+def test_a_drive_without_a_delay_is_at_no_end(time: float, expected: bool) -> None:
+    effect = SimpleNamespace(name="dead_time", amplitudes=[SimpleNamespace(name="time", low=-1e-3, high=2e-3)])
+    assert material.at_bound(cast("Any", SimpleNamespace(effect=effect, values={"time": time}))) == expected

@@ -30,6 +30,7 @@ SAME_FREQUENCY = 0.05  # relative distance below which a base frequency of the g
 _ARCSECOND = 7.7e-7  # of a pitch of one turn
 ENCODER_ERRORS = (30.0 * _ARCSECOND, 3.0 * _ARCSECOND)  # of a pitch: once per turn, once per signal period
 COGGING_OF_EFFORT = 0.1  # of the largest effort: typical cogging of a bare motor, whose friction is smaller than it
+HIGHEST = 2500.0  # Hz, of any resonance
 
 
 def told_by_rows(frequencies: Sequence[float], dt: float) -> tuple[float, ...]:
@@ -37,9 +38,14 @@ def told_by_rows(frequencies: Sequence[float], dt: float) -> tuple[float, ...]:
 
     What swings faster has come to rest between two rows: no log tells one such frequency from the next.
     """
-    return tuple(frequency for frequency in frequencies if frequency * dt <= 1.0)
+    return tuple(frequency for frequency in frequencies if frequency <= highest_told(dt))
+
+
+def highest_told(dt: float) -> float:
+    """The highest frequency (Hz) that rows every `dt` (s) tell, up to which a resonance is refined as well."""
+    return min(1.0 / dt, HIGHEST)
 
 
 def no_faster_than_rows(frequencies: Sequence[float], dt: float) -> tuple[float, ...]:
     """`frequencies` (Hz), each no higher than the rows tell: of what is part of a model all the same."""
-    return tuple(sorted({min(frequency, max(1.0 / dt, SOFTEST_TRAIN)) for frequency in frequencies}))
+    return tuple(sorted({min(frequency, max(highest_told(dt), SOFTEST_TRAIN)) for frequency in frequencies}))

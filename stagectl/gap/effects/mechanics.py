@@ -51,13 +51,13 @@ def _cable_hysteresis(s: Scales) -> Parameters:
 
 def _backlash(s: Scales) -> Parameters:
     gaps = tuple(f * s.length for f in grids.BACKLASH_GAPS)
-    closed = grids.no_faster_than_rows(grids.BACKLASH_FREQUENCIES, s.dt)
+    closed, highest = grids.no_faster_than_rows(grids.BACKLASH_FREQUENCIES, s.dt), grids.highest_told(s.dt)
     return Parameters(
         (Amplitude("gap", "rad | m", gaps, 0.0, 20.0 * s.length),),
         (
             Shape("load_share", "", (0.3,), True, 0.02, 0.95),
             Shape("load_friction", "", (0.9, 0.4), True, 0.01, 1.0),
-            Shape("resonance", "Hz", closed, True, grids.SOFTEST_TRAIN, 2500.0),
+            Shape("resonance", "Hz", closed, True, grids.SOFTEST_TRAIN, max(highest, grids.SOFTEST_TRAIN)),
             Shape("damping", "", (0.1,), True, 0.01, 1.0),
         ),
         lambda p, v: _with_load(p, v, backlash=v["gap"]) if v["gap"] > 0.0 else p,
@@ -72,7 +72,7 @@ def _compliance(s: Scales) -> Parameters | None:
     return Parameters(
         (Amplitude("load_share", "", (0.3,), 0.0, 0.95),),
         (
-            Shape("resonance", "Hz", frequencies, True, 2.0, 2500.0),
+            Shape("resonance", "Hz", frequencies, True, 2.0, grids.highest_told(s.dt)),
             Shape("damping", "", (0.03,), True, 0.002, 1.0),
             Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
         ),
@@ -94,7 +94,10 @@ def _base_vibration(s: Scales) -> Parameters | None:
         return None
     return Parameters(
         (Amplitude("ratio", "", (0.05,), 0.0, 1.0),),
-        (Shape("frequency", "Hz", grid), Shape("damping", "", (0.03,), True, 0.002, 1.0)),
+        (
+            Shape("frequency", "Hz", grid, True, 0.0, grids.highest_told(s.dt)),
+            Shape("damping", "", (0.03,), True, 0.002, 1.0),
+        ),
         filled("mechanics.base", ratio="ratio", frequency="frequency", damping="damping"),
         resonant=True,
     )

@@ -15,12 +15,13 @@ from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.inference import rolling_zone, thresholds
 from stagectl.gap.inference.estimates import Estimate, estimates, whole_delay
 from stagectl.gap.inference.value_errors import Errors, log_odds
-from stagectl.gap.logs.session import Session
+from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import NAMED, Value
-from stagectl.gap.selection import baseline_fit, constants, refine
+from stagectl.gap.selection import baseline_fit, constants, linearised, refine
+from stagectl.gap.selection.linearised import Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
@@ -80,7 +81,7 @@ def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], 
         _shift(name, [view.given(name, part.given) for view in views], part.misfit / before, session.kind, part.alike)
         for name, part in parts.items()
     ]
-    return [*of_columns, *_presliding(session, e, now, known)]
+    return [*of_columns, *_presliding(session, e, now, known, before)]
 
 
 def _moves(session: Session, e: Evidence, now: Fitted) -> dict[str, dict[str, float]]:
@@ -184,16 +185,34 @@ def shift_odds(name: str, nominal: float) -> float:
     return constants.INCLUSION if name in thresholds.MAY_BE_NONE and nominal == 0.0 else 1.0
 
 
-def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors]) -> Iterator[Shift]:
+def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], before: float) -> Iterator[Shift]:
     """The shift of the rolling zone's length; without friction there is no rolling zone.
 
-    It has no column of its own, so it counts as material.
+    It has no column of its own: what it is worth tells the simulation with the nominal zone, that rubs as much.  One
+    more value makes any model better: for that it pays by the number of half strokes.  Source: G. Schwarz, Annals of
+    Statistics 6(2), 1978.
     """
     nominal = session.stage.friction
     sizes = [stage.sliding(p) for p in (nominal, now.model.stage.friction)]
-    if min(sizes) > thresholds.FRICTIONLESS * max(sizes):
-        views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
-        yield _shift("presliding", views, 1.01 * thresholds.SHIFT_SHARE, session.kind)
+    if min(sizes) <= thresholds.FRICTIONLESS * max(sizes):
+        return
+    zone = stage.scaled_friction(nominal, sizes[1] / sizes[0])
+    other = refine.residuals(e, now.model._replace(stage=now.model.stage._replace(friction=zone)), now.effects)
+    without, present = (_beside_friction(e, residuals) for residuals in (other, now.residuals))
+    odds = 0.5 * (linearised.gain_of_strokes(without, present) - np.log(len(present.strokes)))
+    views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
+    share = max(float(np.sum(without.strokes - present.strokes)), 0.0) / before
+    found = _shift("presliding", views, share, session.kind)
+    yield found._replace(probability=min(found.probability, float(expit(odds))))
+
+
+def _beside_friction(e: Evidence, residuals: list[list[Array]]) -> Remains:
+    """What is left of `residuals` in each half stroke, where all parameters but those of the friction may follow."""
+    own = [name for name in refine.nuisances(e) if name in UNITS]
+    g = gram_matrices.grams(gram_matrices.selected(e.base.products, own), residuals)
+    fit = least_squares.fit(g.effort.sum(axis=0), g.places(own))
+    left = np.append(-fit.amplitude, 1.0)
+    return Remains((g.effort @ left) @ left, g.floor[:, 0], linearised.samples(e), 0.0)
 
 
 def of_force(known: Sequence[Shift]) -> list[Shift]:

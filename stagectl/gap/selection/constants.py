@@ -43,6 +43,8 @@ TIMING = ("dead_time", "current_loop")  # effects that make it answer later
 CLIPPING = ("current_saturation", "voltage_saturation")  # effects that cut off the noise of a repeat as well
 SCALING = ("current_gain", "torque_path")  # what it reports, and what it gives
 
+AT_BOUND = 0.01  # of an end of an amplitude's range; chosen.  So near to it, the data ask for more than there is.
+
 # -- sets --------------------------------------------------------------------------------------------------------------
 BEAM = 12  # sets that are continued by one effect more; chosen.  Costs time alone: four are as good as twelve.
 MOST_EFFECTS = 4  # in one set; two score as four.

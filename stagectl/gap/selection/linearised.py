@@ -131,24 +131,35 @@ def remains(e: Evidence, library: Library, now: Fitted) -> Remains:
     """What `now` leaves in each half stroke."""
     g = gram_matrices.grams(known(e, library, now), now.residuals)
     effort = _strokes_left(g.effort, parameters(e, now, g))
-    samples = [len(run.paths) * np.sum(run.weight[span] ** 2) for run in e.runs for span in spans(run.cluster)]
-    return Remains(effort, g.floor[:, 0], np.array(samples), float(g.current[:, -1, -1].sum()))
+    return Remains(effort, g.floor[:, 0], samples(e), float(g.current[:, -1, -1].sum()))
+
+
+def samples(e: Evidence) -> Array:
+    """(c,) How many of each half stroke count, of all repeats."""
+    return np.array([len(run.paths) * np.sum(run.weight[span] ** 2) for run in e.runs for span in spans(run.cluster)])
 
 
 def simulated(valued: EffectValues, without: Remains, present: Remains, powers: Cuts) -> float:
     """Probability of an effect, at most: by how often one of its size is there, and by the fit of its simulation.
 
     Of what another law of the friction or other values of the base explain as well, nothing is its own; and a column
-    that bends promises more than a simulation gives.  The friction's error of form differs from one half stroke to the
-    next, and nobody knows by how much: each of them counts by the ratio of what it leaves, so that none decides alone.
-    That is the likelihood of a Gaussian error of unknown scale, one for each half stroke.  No friction disturbs the
-    current.
+    that bends promises more than a simulation gives.  No friction disturbs the current.
+    """
+    gain = gain_of_strokes(without, present) + powers[1] * (without.current - present.current)
+    return float(expit(math.log(constants.INCLUSION * usual_sizes.as_large(valued)) + 0.5 * gain))
+
+
+def gain_of_strokes(without: Remains, present: Remains) -> float:
+    """Twice the log of a likelihood ratio, from the residual effort.
+
+    The friction's error of form differs from one half stroke to the next, and nobody knows by how much: each of them
+    counts by the ratio of what it leaves, so that none decides alone.  That is the likelihood of a Gaussian error of
+    unknown scale, one for each half stroke.
     """
     floor = np.minimum(without.floor, present.floor)  # an effect that drifts is no noise
     unsure = np.sqrt(2.0 * np.maximum(present.samples, 1.0))  # standard deviation of the noise's sum of squares
     before, after = (np.log1p(np.maximum(left.strokes - floor, 0.0) / unsure) for left in (without, present))
-    gain = float(np.sum(before - after)) + powers[1] * (without.current - present.current)
-    return float(expit(math.log(constants.INCLUSION * usual_sizes.as_large(valued)) + 0.5 * gain))
+    return float(np.sum(before - after))
 
 
 def known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products:

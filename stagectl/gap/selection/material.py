@@ -1,5 +1,7 @@
 """What is missing and has an order is no trace: whether an effect explains most of it, however small it is."""
 
+import math
+
 import numpy as np
 
 from stagectl.gap.residuals import gram_matrices
@@ -51,3 +53,17 @@ def nearly_all(before: Cuts, after: Cuts, strokes: int) -> bool:
 def adequate(before: float, after: float, predicted: float) -> bool:
     """Whether a sum of squares falls by most of what is `predicted` of it."""
     return before - after >= constants.ADEQUATE * min(predicted, before)
+
+
+def at_bound(valued: EffectValues) -> bool:
+    """Whether an amplitude has moved to an end of its range, so that its value is no measurement.
+
+    The lower end of what makes a drive answer later is a drive that answers at once.
+    """
+    late = valued.effect.name in constants.TIMING
+    ends = [
+        (valued.values[a.name], end)
+        for a in valued.effect.amplitudes
+        for end in ((a.high,) if late else (a.low, a.high))
+    ]
+    return any(end and math.isclose(x, end, rel_tol=constants.AT_BOUND) for x, end in ends)

@@ -22,7 +22,7 @@ from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
-from stagectl.gap.selection.material import adequate, explains, is_material, nearly_all, without
+from stagectl.gap.selection.material import adequate, at_bound, explains, is_material, nearly_all, without
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.thresholds import RESONANT_STEPS
 
@@ -45,7 +45,8 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     """The effects that are in the data; `say` reports what is added and dropped.
 
     Mechanical effects end where a function of one coordinate predicts far more of the residuals than the best set of
-    them explains: the evidence compares what the library holds, and the cause is not in it then.
+    them explains: the evidence compares what the library holds, and the cause is not in it then.  Nor is an effect the
+    cause that would explain more with a value that no machine has: the search goes on without it.
     """
     now = refine.start(e)
     while len(now.effects) < constants.MOST_EFFECTS:
@@ -58,6 +59,9 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
         )
         if after is None:
             break
+        if beyond := {valued.effect.name for valued in after.effects if at_bound(valued)}:
+            library = library._replace(forms=tuple(form for form in library.forms if form.effect.name not in beyond))
+            continue
         after = drive_alikes.nearest(e, library, after)
         present = {valued.effect.name for valued in now.effects}
         say(f"added {', '.join(v.effect.name for v in after.effects if v.effect.name not in present)}")
