@@ -84,7 +84,8 @@ def test_write_refuses_what_is_not_this_machine(
 def test_a_log_without_a_header(command: Command, folder: Path) -> None:
     write_csv(folder / "bare.csv", motion(), header="")
     code, _, err = command(*LEAST_SQUARES, "bare.csv")
-    assert code == 2 and "bare.csv has no header, its first row is numbers; say which of its 3 columns" in err
+    assert code == 2 and "current is taken from 3 in A, 30 % sure" in err
+    assert "--columns 'time=1:s,position=2:rad,current=3:A'" in err
     code, _, err = command(*LEAST_SQUARES, "bare.csv", "--columns", "time=1,position=2:rad,current=3")
     assert code == 0 and "bare.csv: 20000 rows" in err
 
@@ -102,7 +103,7 @@ def test_a_log_without_a_header(command: Command, folder: Path) -> None:
         ((*LEAST_SQUARES, "log.csv", "--seed", "3"), "--seed is not an option of least-squares"),
         ((*LEAST_SQUARES, "log.csv", "--every", "1s"), "--every 1s is of --watch: leave it out, or"),
         ((*LEAST_SQUARES, "log.csv", "--within", "0.2"), "--within 0.2 is of --watch"),
-        ((*LEAST_SQUARES, "."), ". holds no captures.yaml"),
+        ((*LEAST_SQUARES, "empty"), "empty holds neither captures.yaml nor logs"),
         ((*LEAST_SQUARES, "log.csv", "log.csv"), "log.csv is there twice"),
         ((*LEAST_SQUARES, "log.csv", "--columns", "t"), "--columns t: 't' must be QUANTITY=COLUMN"),
         ((*LEAST_SQUARES, "log.csv", "--columns", "time=1,position=2"), "neither a current nor a command, so no force"),
@@ -110,6 +111,7 @@ def test_a_log_without_a_header(command: Command, folder: Path) -> None:
     ],
 )
 def test_mistakes_end_in_words(command: Command, folder: Path, arguments: tuple[object, ...], words: str) -> None:
+    (folder / "empty").mkdir()
     code, out, err = command(*arguments)
     assert (code, out) == (2, "")
     assert words in err and "Traceback" not in err

@@ -127,7 +127,8 @@ def _not_sure(path: Path, taken: Guess) -> RecordingError:
     lines = "\n  ".join([*map(line, taken.columns), *taken.notes])
     reason = (
         f"{path} does not say what its columns are: its {line(least)}. Less than "
-        f"{100.0 * constants.LEAST_SURE:.0f} % sure is not taken unasked: take it with --yes, or correct it with "
-        f"--columns {said!r}, --counts N and --force-constant K. All that is guessed:\n  {lines}"
+        f"{100.0 * constants.LEAST_SURE:.0f} % sure is not taken unasked: name it with --columns {said!r}, or take it "
+        f"with `stagectl import {path} --yes`, which also takes --counts and --force-constant. "
+        f"All that is guessed:\n  {lines}"
     )
     return RecordingError(reason, path, ProblemKind.VALUE, column=least.quantity)
