@@ -115,7 +115,7 @@ def test_mistakes_end_in_words(command: Command, folder: Path, arguments: tuple[
     code, out, err = command(*arguments)
     assert (code, out) == (2, "")
     assert words in err and "Traceback" not in err
-    assert [path.name for path in folder.iterdir()] == ["log.csv"]
+    assert {path.name for path in folder.iterdir()} == {"log.csv", "empty"}
 
 
 def test_one_direction_only_is_refused(command: Command, folder: Path) -> None:
