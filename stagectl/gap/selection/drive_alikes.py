@@ -64,19 +64,20 @@ def without_unlike(e: Evidence, library: Library, now: Fitted, valued: EffectVal
     As it is for any other effect.
     """
     if valued.effect.name in constants.SCALING:
-        return _without(library, {*constants.SCALING} - {valued.effect.name})
+        return without_effects(library, {*constants.SCALING} - {valued.effect.name})
     if valued.effect.name not in constants.TIMING:
         return library
     rest = [other for other in now.effects if other is not valued]
     shifted = refine.refine(e, now.model, rest)
-    others = _without(library, {valued.effect.name})
+    others = without_effects(library, {valued.effect.name})
     alike = {
         fitted.effects[-1].effect.name for fitted in _later(e, others, now, rest) if stands(library, shifted, fitted)
     }
-    return _without(library, {*constants.TIMING} - alike - {valued.effect.name})
+    return without_effects(library, {*constants.TIMING} - alike - {valued.effect.name})
 
 
-def _without(library: Library, names: AbstractSet[str]) -> Library:
+def without_effects(library: Library, names: AbstractSet[str]) -> Library:
+    """The library without the effects `names`."""
     return library._replace(forms=tuple(form for form in library.forms if form.effect.name not in names))
 
 

@@ -28,9 +28,10 @@ from stagectl.gap.selection.evidence import (
 )
 from stagectl.gap.selection.refine import Evidence, Fitted
 
-WIDER = {effect.name: effect.generalisations for effect in EFFECTS.values() if effect.generalisations}
-# Both scales of the current together make as little of every force as one likes, and of every residual with it.
-APART = {**WIDER, constants.SCALING[0]: constants.SCALING[1:]}
+# Effects that are in no set together: one that holds the other, and both scales of the current, which together make as
+# little of every force as one likes, and of every residual with it.
+APART = {effect.name: effect.generalisations for effect in EFFECTS.values() if effect.generalisations}
+APART |= {constants.SCALING[0]: constants.SCALING[1:]}
 Cuts = tuple[float, float]  # of the residual effort and of the missing current
 
 

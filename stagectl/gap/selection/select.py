@@ -60,7 +60,7 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
         if after is None:
             break
         if beyond := {valued.effect.name for valued in after.effects if at_bound(valued)}:
-            library = library._replace(forms=tuple(form for form in library.forms if form.effect.name not in beyond))
+            library = drive_alikes.without_effects(library, beyond)
             continue
         after = drive_alikes.nearest(e, library, after)
         present = {valued.effect.name for valued in now.effects}
@@ -227,9 +227,8 @@ def _in_the_place_of(
     rest = without(e, now, valued)
     at = linearised.linearised(e, library, rest, valued)
     most = linearised.simulated(valued, linearised.remains(e, library, rest), present, at.powers)
-    if min(at.verdict.of_effects().get(valued.effect.name, 0.0), most) >= constants.KEPT:
-        return at, most
-    if not is_material(e, library, now, valued):
+    probability = min(at.verdict.of_effects().get(valued.effect.name, 0.0), most)
+    if probability >= constants.KEPT or not is_material(e, library, now, valued):
         return at, most
     library = drive_alikes.without_unlike(e, library, now, valued)
     return linearised.linearised(e, library, rest, valued, traces=False), most
