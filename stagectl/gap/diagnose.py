@@ -21,7 +21,7 @@ from stagectl.gap.controller_check.command_check import CommandCheck, check_comm
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
-from stagectl.gap.inference import cable_centre, constant_force, unknown, value_errors
+from stagectl.gap.inference import attribution, cable_centre, constant_force, unknown, value_errors
 from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities, whitening
@@ -49,7 +49,7 @@ from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
 from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
-from stagectl.gap.validation.validate import Validation, validate
+from stagectl.gap.validation.validate import Validation, confirmed, validate
 from stagectl.identification.thresholds import LEAST_ENCODER_STEPS
 from stagectl.kernels.stage import Stage, sliding
 from stagectl.number_format import duration
@@ -183,8 +183,9 @@ def _answer(
 ) -> DiagnosisResult:
     closure = validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open else None)
-    effects = with_shares(conclusions.effects, closure.shares)
-    verdict = verdict_of([effect for effect in effects if effect.probability >= NAMED], shape)
+    effects = [confirmed(effect, closure) for effect in with_shares(conclusions.effects, closure.shares)]
+    named = [effect for effect in effects if effect.probability >= NAMED]
+    verdict = verdict_of(named, shape)
     return _empty(session, verdict)._replace(
         effects=tuple(effects),
         gap=closure.gap,
@@ -192,7 +193,7 @@ def _answer(
         blocks=location.blocks,
         coordinates=location.coordinates,
         captures=location.captures,
-        parts=location.parts,
+        parts=attribution.of_named(location.parts, named),
         shares=tuple(closure.shares.items()),
         unknown=shape,
         traces=tuple(closure.traces),

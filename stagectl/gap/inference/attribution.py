@@ -29,11 +29,24 @@ def parts_of(e: Evidence, selected: Selection, found: Sequence[FoundEffect]) -> 
     parts = [
         *effects,
         *_of_parameters([effect for effect in named if effect.parameter], before - after),
-        Part(UNEXPLAINED, MECHANICS, "none", selected.left[0]),
-        Part(UNEXPLAINED, DRIVE, "none", selected.left[1]),
+        *_unexplained(selected, [effect.name for effect in effects]),
     ]
     whole = sum(max(part.share, 0.0) for part in parts) or 1.0
     return tuple(part._replace(share=max(part.share, 0.0) / whole) for part in parts)
+
+
+def _unexplained(selected: Selection, named: Sequence[str]) -> list[Part]:
+    """What the model leaves in mechanics and drive, and what of it is in the model without being `named`."""
+    left = {MECHANICS: selected.left[0], DRIVE: selected.left[1]}
+    for effect in (valued.effect for valued in selected.fitted.effects if valued.effect.name not in named):
+        left[DRIVE if effect.block == DRIVE else MECHANICS] += selected.gains.get(effect.name, 0.0)
+    return [Part(UNEXPLAINED, block, "none", share) for block, share in left.items()]
+
+
+def of_named(parts: Sequence[Part], named: Sequence[FoundEffect]) -> tuple[Part, ...]:
+    """`parts`, those of effects that are no longer `named` as unexplained."""
+    names = {PARAMETERS, *(effect.name for effect in named)}
+    return tuple(part if part.name in names else part._replace(name=UNEXPLAINED, coordinate="none") for part in parts)
 
 
 def _of_parameters(off: Sequence[FoundEffect], taken: float) -> list[Part]:

@@ -10,10 +10,10 @@ import numpy as np
 from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.inference import attribution, parameter_errors, shifted_parameters, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
+from stagectl.gap.inference.beside_unknown import beside_unknown
 from stagectl.gap.inference.coordinates import coordinates
 from stagectl.gap.inference.shape_fits import with_shape
 from stagectl.gap.inference.signatures import DriveSignature, signatures
-from stagectl.gap.inference.unknown import unknown
 from stagectl.gap.inference.value_errors import errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import NAMED, Coordinate, FoundEffect, Part, Spans, UnknownTerm
@@ -48,8 +48,8 @@ def conclude(
     excluded: tuple[str, ...],
 ) -> Conclusions:
     """Names, values and the unknown, without the effects that are `excluded`."""
-    now, sure = selected.fitted, verdict.only_named(e, selected)
-    shape = unknown(e, sure, functions)
+    selected, sure, shape = beside_unknown(e, library, selected, functions)
+    now = selected.fitted
     known = list(errors(e, library, now, functions).values())
     effects = verdict.named_effects(session, e, selected, known)
     before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)

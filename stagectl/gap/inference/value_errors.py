@@ -158,8 +158,8 @@ def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisC
     What is more probably of no size leaves the model.  An effect may show in one experiment alone, but in all repeats
     of it, and experiments that show it must not contradict each other.  A drift may end soon, but shows in all
     experiments.  Where nothing was repeated, drifts, and waves that stand by their line alone, must show in all
-    experiments; of any other effect one division of the data at least must tell that it has a size, as two that stand
-    in for each other have none.
+    experiments; of any other effect each division of the data must tell that it has a size, as its interval is that of
+    the division that contradicts itself most.
     """
     known = errors(e, library, selected.fitted, smooth)
     of_size = {valued.effect.name: _borne_out(valued, known) for valued in selected.fitted.effects}
@@ -174,7 +174,7 @@ def _borne_out(valued: EffectValues, known: Mapping[str, Errors]) -> float:
     if CLOCK not in known:
         alone = valued.effect.time_variation is not None or valued.effect.name in constants.WAVES
         must = [known[EXPERIMENT]] if alone else known.values()
-        return max(_of_size(valued, each, each.matrix) for each in must)
+        return min(_of_size(valued, each, each.matrix) for each in must)
     must = [known[EXPERIMENT]] if valued.effect.time_variation else [known[EXPERIMENT], known[CLOCK]]
     return min(_of_size(valued, way, way.between) for way in must)
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.inference.beside_unknown import apart
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.logs.session import Log, Session
 from stagectl.gap.result.diagnosis import NAMED, FoundEffect
@@ -49,6 +50,13 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
         found = closure(session, e, selected, improved)
     lines = [*warnings(session, e, best), *scale_doubt(session.stage, improved, conclusions.shifts)]
     return Validation(improved, found, tuple(lines))
+
+
+def confirmed(effect: FoundEffect, found: Closure) -> FoundEffect:
+    """`effect` as the loop confirms it: one that takes nothing of a gap that stays open is not what is missing."""
+    if not found.open or effect.share > 0.0:
+        return effect
+    return effect._replace(probability=min(effect.probability, apart(0.0, 1.0)))
 
 
 def _best_model(session: Session, e: Evidence, stages: Sequence[Stage]) -> Stage:

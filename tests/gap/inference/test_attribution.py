@@ -31,8 +31,13 @@ def parity(checked: bool = True, agrees: bool = True) -> Any:
     return SimpleNamespace(checked=checked, agrees=agrees)
 
 
+def selection(gains: dict[str, float], left: tuple[float, float], block: str = "sensor") -> Any:
+    effects = [SimpleNamespace(effect=SimpleNamespace(name=name, block=block)) for name in gains]
+    return SimpleNamespace(fitted=SimpleNamespace(effects=effects), gains=gains, left=left)
+
+
 def test_a_share_goes_to_the_effect_the_parameters_and_the_rest() -> None:
-    selected: Any = SimpleNamespace(gains={"encoder_eccentricity": 15.0}, left=(5.0, -1.0))
+    selected = selection({"encoder_eccentricity": 15.0}, (5.0, -1.0))
     parts = attribution.parts_of(evidence(100.0, 20.0), selected, [ECCENTRICITY, INERTIA])
     assert [(part.name, part.block, part.share) for part in parts] == [
         ("encoder_eccentricity", "sensor", pytest.approx(0.15)),
@@ -42,11 +47,20 @@ def test_a_share_goes_to_the_effect_the_parameters_and_the_rest() -> None:
     ]
 
 
+def test_what_an_effect_takes_that_is_not_named_is_unexplained() -> None:
+    doubted = FoundEffect("dead_time", (), 0.1, 0.0, {}, block="drive")
+    parts = attribution.parts_of(evidence(20.0, 20.0), selection({"dead_time": 15.0}, (5.0, 0.0), "drive"), [doubted])
+    assert parts == (Part(UNEXPLAINED, "mechanics", "none", 0.25), Part(UNEXPLAINED, "drive", "none", 0.75))
+    named = [Part("dead_time", "drive", "frequency", 1.0)]
+    assert attribution.of_named(named, [doubted]) == tuple(named)
+    assert attribution.of_named(named, []) == (Part(UNEXPLAINED, "drive", "none", 1.0),)
+
+
 def test_parameters_count_each_in_its_own_block() -> None:
     """A delay of the drive beside an inertia; the coordinate is that of the largest in the block."""
     delay = FoundEffect("dead_time", (), 1.0, 0.1, {}, block="drive", parameter=True)
     viscous = FoundEffect("viscous", (), 1.0, 0.3, {}, parameter=True, coordinate="speed")
-    selected: Any = SimpleNamespace(gains={}, left=(20.0, 0.0))
+    selected = selection({}, (20.0, 0.0))
     parts = attribution.parts_of(evidence(100.0, 20.0), selected, [viscous, delay, INERTIA])
     own = {part.block: (part.coordinate, part.share) for part in parts if part.name == PARAMETERS}
     assert own == {"mechanics": ("acceleration", pytest.approx(0.7)), "drive": ("none", pytest.approx(0.1))}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stagectl.gap.result.diagnosis import FoundEffect
 from stagectl.gap.validation import held_out_gap, rollouts, validate
 
 RICH, PLAIN, NOMINAL = (SimpleNamespace(name=name) for name in ("rich", "plain", "nominal"))
@@ -46,3 +47,12 @@ def test_without_a_known_loop_the_effort_decides(
     e: Any = SimpleNamespace(runs=(), base=SimpleNamespace(model=model, noise=None))
     monkeypatch.setattr(validate, "effort", lambda model, *_: SimpleNamespace(squares=np.array(remaining[model.name])))
     assert validate._best_model(session, e, STAGES) is taken
+
+
+@pytest.mark.parametrize(("stays_open", "share", "named"), [(True, 0.0, False), (True, 0.3, True), (False, 0.0, True)])
+def test_what_takes_nothing_of_a_gap_that_stays_open_is_not_what_is_missing(
+    stays_open: bool, share: float, named: bool
+) -> None:
+    effect = FoundEffect("current_saturation", (), 1.0, share, {}, block="drive")
+    found: Any = SimpleNamespace(open=stays_open)
+    assert (validate.confirmed(effect, found).probability > 0.5) is named

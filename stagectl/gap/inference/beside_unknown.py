@@ -1,0 +1,62 @@
+"""Names next to an unknown: what is like it in place may be no more than a part of it.
+
+Where something is missing that no effect explains, the library does not hold all of the truth, and the effect that is
+most like what is missing explains much of it.  Two causes over one coordinate are there as often as any second effect;
+one cause, of which a stand-in leaves no more than the share that is seen, is there as often as that share is small.
+"""
+
+from typing import NamedTuple
+
+from stagectl.gap.effects.effect import DRIVE
+from stagectl.gap.effects.library import EFFECTS
+from stagectl.gap.inference import verdict
+from stagectl.gap.inference.basis_functions import BasisColumns
+from stagectl.gap.inference.unknown import KINDRED, unknown
+from stagectl.gap.result.diagnosis import NAMED, UnknownTerm
+from stagectl.gap.selection import linearised
+from stagectl.gap.selection.constants import INCLUSION
+from stagectl.gap.selection.linearised import Library
+from stagectl.gap.selection.refine import Evidence
+from stagectl.gap.selection.select import Selection
+
+
+class BesideUnknown(NamedTuple):
+    """A selection, what of it is named, and what no effect explains next to that."""
+
+    selected: Selection
+    named: Selection
+    shape: UnknownTerm | None
+
+
+def beside_unknown(e: Evidence, library: Library, selected: Selection, smooth: BasisColumns) -> BesideUnknown:
+    """`selected` with its unknown, and with no effect more probable than that both are there.
+
+    What is no longer named thereby belongs to the unknown, which is looked for again without it.
+    """
+    named = verdict.only_named(e, selected)
+    shape = unknown(e, named, smooth)
+    if shape is None:
+        return BesideUnknown(selected, named, None)
+    left = linearised.excess(e, library, named.fitted)[shape.block == DRIVE]
+    probability = dict(selected.probability)
+    for name in (valued.effect.name for valued in named.fitted.effects):
+        if of_kin(name, shape):
+            probability[name] = min(probability[name], apart(selected.gains[name], left))
+    less = selected._replace(probability=probability)
+    if all(probability[valued.effect.name] >= NAMED for valued in named.fitted.effects):
+        return BesideUnknown(less, named, shape)
+    return beside_unknown(e, library, less, smooth)
+
+
+def apart(explained: float, left: float) -> float:
+    """Probability that what an effect has `explained` and what is `left` (sums of squares) have two causes."""
+    explained, left = max(explained, 0.0), max(left, 0.0)
+    return INCLUSION / (INCLUSION + left / (left + explained)) if left > 0.0 else 1.0
+
+
+def of_kin(name: str, shape: UnknownTerm) -> bool:
+    """Whether the residual of the effect `name` may be ordered by the coordinate of the unknown `shape`."""
+    if shape.block == DRIVE:
+        return EFFECTS[name].block == DRIVE
+    kindred = {shape.coordinate, KINDRED.get(shape.coordinate)}
+    return EFFECTS[name].block != DRIVE and bool(kindred & set(EFFECTS[name].seen_over))

@@ -1,0 +1,81 @@
+"""What is named next to an unknown: an effect that is like it is as probable as two causes over one coordinate."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from stagectl.gap.inference import beside_unknown, verdict
+from stagectl.gap.inference.beside_unknown import apart, of_kin
+from stagectl.gap.result.diagnosis import UnknownTerm
+from stagectl.gap.selection import linearised
+from stagectl.gap.selection.constants import INCLUSION
+from stagectl.gap.selection.select import Selection
+
+NOTHING: Any = None
+FIELDLESS = np.zeros(0)
+
+
+def shape(coordinate: str, block: str = "mechanics") -> UnknownTerm:
+    return UnknownTerm(coordinate, FIELDLESS, FIELDLESS, 0.5, block=block)
+
+
+def test_two_causes_are_as_probable_as_an_effect_against_the_share_that_it_leaves() -> None:
+    assert apart(0.0, 1.0) == pytest.approx(INCLUSION / (1.0 + INCLUSION))
+    assert apart(1.0 - INCLUSION, INCLUSION) == pytest.approx(0.5)
+    assert apart(5.0, 0.0) == apart(5.0, -1.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "unknown", "kin"),
+    [
+        ("cogging", shape("position"), True),  # an error of form over the pitch shows over the position
+        ("cogging", shape("speed"), False),
+        ("cogging", shape("none"), False),
+        ("friction_step", shape("time"), True),
+        ("current_saturation", shape("frequency", "drive"), True),
+        ("current_saturation", shape("current"), False),  # a force over the current
+        ("compliance", shape("frequency", "drive"), False),
+    ],
+)
+def test_an_effect_is_like_an_unknown_over_a_coordinate_of_its_own(name: str, unknown: UnknownTerm, kin: bool) -> None:
+    assert of_kin(name, unknown) is kin
+
+
+def named_beside(monkeypatch: pytest.MonkeyPatch, shapes: dict[frozenset[str], UnknownTerm | None]) -> Any:
+    """What is said of a cogging and an asymmetry next to the unknown that `shapes` holds for what is named."""
+
+    def only(_: Any, selected: Any) -> Any:
+        kept = [x for x in selected.fitted.effects if selected.probability[x.effect.name] >= 0.5]
+        return selected._replace(fitted=SimpleNamespace(effects=kept))
+
+    def found(_: Any, named: Any, __: Any) -> UnknownTerm | None:
+        return shapes[frozenset(x.effect.name for x in named.fitted.effects)]
+
+    monkeypatch.setattr(verdict, "only_named", only)
+    monkeypatch.setattr(beside_unknown, "unknown", found)
+    monkeypatch.setattr(linearised, "excess", lambda *_: (300.0, 0.0))
+    effects = [SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("cogging", "coulomb_asymmetry")]
+    gains = {"cogging": 100.0, "coulomb_asymmetry": 1000.0}
+    selected = Selection(
+        cast("Any", SimpleNamespace(effects=effects)), NOTHING, dict.fromkeys(gains, 0.9), {}, gains, {}
+    )
+    return beside_unknown.beside_unknown(NOTHING, NOTHING, selected, NOTHING)
+
+
+def test_nothing_changes_where_nothing_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = named_beside(monkeypatch, {frozenset({"cogging", "coulomb_asymmetry"}): None})
+    assert found.shape is None and set(found.selected.probability.values()) == {0.9}
+
+
+def test_a_name_that_falls_leaves_its_part_to_the_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cogging next to three times as much over the position; the asymmetry, of another coordinate, stays."""
+    over_place, larger = shape("position"), shape("position_mod_pitch")
+    both, one = frozenset({"cogging", "coulomb_asymmetry"}), frozenset({"coulomb_asymmetry"})
+    found = named_beside(monkeypatch, {both: over_place, one: larger})
+    assert found.selected.probability == {"cogging": apart(100.0, 300.0), "coulomb_asymmetry": 0.9}
+    assert found.shape is larger and [x.effect.name for x in found.named.fitted.effects] == ["coulomb_asymmetry"]
+    assert [x.effect.name for x in found.selected.fitted.effects] == ["cogging", "coulomb_asymmetry"]
