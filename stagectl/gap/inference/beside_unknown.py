@@ -7,16 +7,21 @@ one cause, of which a stand-in leaves no more than the share that is seen, is th
 
 from typing import NamedTuple
 
+import numpy as np
+
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.inference import verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.unknown import KINDRED, unknown
+from stagectl.gap.inference.unstructured_residual import BANDS
 from stagectl.gap.result.diagnosis import NAMED, UnknownTerm
 from stagectl.gap.selection import linearised
+from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.constants import INCLUSION
 from stagectl.gap.selection.linearised import Library
-from stagectl.gap.selection.refine import Evidence
+from stagectl.gap.selection.material import without
+from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
 
 
@@ -37,15 +42,26 @@ def beside_unknown(e: Evidence, library: Library, selected: Selection, smooth: B
     shape = unknown(e, named, smooth)
     if shape is None:
         return BesideUnknown(selected, named, None)
-    left = linearised.excess(e, library, named.fitted)[shape.block == DRIVE]
     probability = dict(selected.probability)
-    for name in (valued.effect.name for valued in named.fitted.effects):
-        if of_kin(name, shape):
-            probability[name] = min(probability[name], apart(selected.gains[name], left))
+    for valued in (valued for valued in named.fitted.effects if of_kin(valued.effect.name, shape)):
+        both = two_causes(e, library, named.fitted, valued, shape)
+        probability[valued.effect.name] = min(probability[valued.effect.name], both)
     less = selected._replace(probability=probability)
     if all(probability[valued.effect.name] >= NAMED for valued in named.fitted.effects):
         return BesideUnknown(less, named, shape)
     return beside_unknown(e, library, less, smooth)
+
+
+def two_causes(e: Evidence, library: Library, now: Fitted, valued: EffectValues, shape: UnknownTerm) -> float:
+    """Probability that an effect of `now` and the unknown `shape` have two causes.
+
+    What a function of the coordinate does not take in the place of the effect is an effect of its own.
+    """
+    rest, cut = without(e, now, valued), int(shape.block == DRIVE)
+    left = linearised.excess(e, library, now)[cut]
+    explained = linearised.excess(e, library, rest)[cut] - left
+    taken = library.predict(e, rest).cuts[cut] - library.predict(e, now).cuts[cut]
+    return 1.0 - float(np.clip(taken / max(explained, 1e-300), 0.0, 1.0)) * (1.0 - apart(explained, left))
 
 
 def apart(explained: float, left: float) -> float:
@@ -55,8 +71,13 @@ def apart(explained: float, left: float) -> float:
 
 
 def of_kin(name: str, shape: UnknownTerm) -> bool:
-    """Whether the residual of the effect `name` may be ordered by the coordinate of the unknown `shape`."""
+    """Whether the residual of the effect `name` may be ordered by the coordinate of the unknown `shape`.
+
+    A band of frequency is none: impacts and resonances of every form leave something in it.
+    """
     if shape.block == DRIVE:
         return EFFECTS[name].block == DRIVE
+    if shape.coordinate == BANDS:
+        return False
     kindred = {shape.coordinate, KINDRED.get(shape.coordinate)}
     return EFFECTS[name].block != DRIVE and bool(kindred & set(EFFECTS[name].seen_over))

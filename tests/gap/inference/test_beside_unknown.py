@@ -39,10 +39,34 @@ def test_two_causes_are_as_probable_as_an_effect_against_the_share_that_it_leave
         ("current_saturation", shape("frequency", "drive"), True),
         ("current_saturation", shape("current"), False),  # a force over the current
         ("compliance", shape("frequency", "drive"), False),
+        ("compliance", shape("frequency"), False),  # impacts and resonances of every form leave something there
     ],
 )
 def test_an_effect_is_like_an_unknown_over_a_coordinate_of_its_own(name: str, unknown: UnknownTerm, kin: bool) -> None:
     assert of_kin(name, unknown) is kin
+
+
+@pytest.mark.parametrize(
+    ("predicted", "probability"),
+    [
+        (300.0, 1.0),  # without the cogging, a function of the position predicts no more: it is a wave of its own
+        (350.0, 0.5 + 0.5 * apart(100.0, 300.0)),
+        (400.0, apart(100.0, 300.0)),
+        (900.0, apart(100.0, 300.0)),
+    ],
+)
+def test_an_effect_is_one_of_two_causes_as_far_as_no_function_takes_its_place(
+    monkeypatch: pytest.MonkeyPatch, predicted: float, probability: float
+) -> None:
+    """The cogging explains 100, and next to it a function of the position predicts all that is left, 300."""
+    monkeypatch.setattr(beside_unknown, "without", lambda *_: "rest")
+    monkeypatch.setattr(linearised, "excess", lambda *given: ({"now": 300.0, "rest": 400.0}[given[-1]], 0.0))
+    library: Any = SimpleNamespace(
+        predict=lambda _, now: SimpleNamespace(cuts=({"now": 300.0, "rest": predicted}[now], 0.0))
+    )
+    now: Any = "now"
+    found = beside_unknown.two_causes(NOTHING, library, now, NOTHING, shape("position"))
+    assert found == pytest.approx(probability)
 
 
 def named_beside(monkeypatch: pytest.MonkeyPatch, shapes: dict[frozenset[str], UnknownTerm | None]) -> Any:
@@ -57,7 +81,7 @@ def named_beside(monkeypatch: pytest.MonkeyPatch, shapes: dict[frozenset[str], U
 
     monkeypatch.setattr(verdict, "only_named", only)
     monkeypatch.setattr(beside_unknown, "unknown", found)
-    monkeypatch.setattr(linearised, "excess", lambda *_: (300.0, 0.0))
+    monkeypatch.setattr(beside_unknown, "two_causes", lambda *_: 0.1)
     effects = [SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("cogging", "coulomb_asymmetry")]
     gains = {"cogging": 100.0, "coulomb_asymmetry": 1000.0}
     selected = Selection(
@@ -76,6 +100,6 @@ def test_a_name_that_falls_leaves_its_part_to_the_unknown(monkeypatch: pytest.Mo
     over_place, larger = shape("position"), shape("position_mod_pitch")
     both, one = frozenset({"cogging", "coulomb_asymmetry"}), frozenset({"coulomb_asymmetry"})
     found = named_beside(monkeypatch, {both: over_place, one: larger})
-    assert found.selected.probability == {"cogging": apart(100.0, 300.0), "coulomb_asymmetry": 0.9}
+    assert found.selected.probability == {"cogging": 0.1, "coulomb_asymmetry": 0.9}
     assert found.shape is larger and [x.effect.name for x in found.named.fitted.effects] == ["coulomb_asymmetry"]
     assert [x.effect.name for x in found.selected.fitted.effects] == ["cogging", "coulomb_asymmetry"]
