@@ -21,7 +21,6 @@ from stagectl.extras import require
 from stagectl.kernels import rollout
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError, check_target, open_recording, quantities, save
-from stagectl.recording.scales import NOTHING_KNOWN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -202,11 +201,10 @@ def load_log(
         return record_of(open_recording(place).filled("load"))
     if place.is_dir() and not (place / "captures.yaml").is_file():
         return RecordFolder([record_of(open_recording(file).filled("load")) for file in sorted(place.glob("*.h5"))])
-    from stagectl.recording.guess.importing import import_log  # with pyarrow, which our own recordings do not need
+    from stagectl.recording.guess.importing import recordings_in  # with pyarrow, which our own recordings do not need
 
     try:
-        logs = import_log(place, setup, named_columns(columns), NOTHING_KNOWN, unsure=False)
-        records = [record_of(log.recording) for log in logs]
+        records = [record_of(recording) for recording in recordings_in(place, setup, named_columns(columns))]
     except RecordingError as error:
         error.problems = tuple(one._replace(reason=_in_python(one.reason)) for one in error.problems)
         raise

@@ -15,7 +15,7 @@ from stagectl.identification.result import Note, Topic
 from stagectl.recording.columns import WITHOUT
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.recording.in_memory import given_twice
-from stagectl.recording.scales import NOTHING_KNOWN, scales_of_stage
+from stagectl.recording.scales import scales_of_stage
 
 CURRENTS = ("measured_current", "current", "command")  # the best first: in the motor, after, before the limit
 READ = ("time", "measured", "reference", "injection", *CURRENTS)  # ten minutes of all columns would be 200 MB
@@ -33,9 +33,9 @@ def opened(paths: Sequence[Path], setup: Setup, columns: Mapping[str, str] | Non
         if path.suffix == ".h5":
             recordings.append(open_recording(path, READ).filled("identify from"))
         else:
-            from stagectl.recording.guess.importing import import_log  # with pyarrow, 60 MB that recordings need not
+            from stagectl.recording.guess.importing import recordings_in  # with pyarrow, 60 MB that recordings need not
 
-            recordings += [log.recording for log in import_log(path, setup, columns, NOTHING_KNOWN, unsure=False)]
+            recordings += recordings_in(path, setup, columns)
     return recordings
 
 

@@ -16,8 +16,8 @@ from stagectl.api.identification import IdentifiedModel
 from stagectl.api.record import MotionRecord
 from stagectl.api.stage import DesignedStage
 from stagectl.api.tuning import TunedGains
-from stagectl.gap.logs.session import GapError
 from stagectl.identification.capture import IdentificationError
+from stagectl.recording.hdf5 import RecordingError
 from stagectl.tuning.families import TuningError
 from stagectl.units import StageError
 from stagectl.workflows.trials import TrialError
@@ -152,5 +152,5 @@ def test_a_diagnosis_shows_where_which_and_how_far(verdict: str, stage: Designed
 
 def test_a_diagnosis_of_nothing() -> None:
     Path("session").mkdir()
-    with pytest.raises(GapError):
+    with pytest.raises(RecordingError):
         sc.diagnose("session/")

@@ -16,9 +16,12 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError, LogError, NominalValueError
 from stagectl.gap.validation import rollouts
+from stagectl.problem import ProblemKind
 from stagectl.recording.exports import write_csv
-from stagectl.recording.hdf5 import open_recording
+from stagectl.recording.hdf5 import RecordingError, open_recording
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
+from tests.identification import synthetic
+from tests.problems import refused
 
 EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
 NOMINAL = """
@@ -294,18 +297,29 @@ def test_entries_that_cannot_be(folder: Path, key: str, value: str, reason: str,
 
 def test_logs_that_do_not_belong_together(folder: Path, recordings: list[Path], tmp_path: Path) -> None:
     own = recordings[0]
-    (tmp_path / "nothing").mkdir()
     (other,) = recorded(tmp_path / "other", SINE, 1, "linear-slider")
     slider = other.rename(other.with_name("slider.h5"))
     for paths, stage, reason, logs in (
         ([folder, own], None, "mixed", (own.name, "sine-1.csv")),
         ([own], load_stage(CONFIG / "linear-slider.yaml"), "axis", (own.name,)),
         ([own, slider], None, "machine", (slider.name, own.name)),
-        ([tmp_path / "nothing"], None, "none", (str(tmp_path / "nothing"),)),
     ):
         with pytest.raises(LogError) as caught:
             load(paths, stage)
         assert (caught.value.reason, caught.value.logs) == (reason, logs)
+
+
+def test_a_log_is_read_as_import_reads_it(tmp_path: Path) -> None:
+    """Headers of a drive's scope; a folder of such logs, too, but not one without any log."""
+    header = "Time [s],Actual position [rad],Iq [A]"
+    log = synthetic.write_csv(tmp_path / "scope.csv", synthetic.motion(), header)
+    for given in (log, tmp_path):
+        session = load([given], load_stage(CONFIG / "ball-screw.yaml"))
+        assert session.logs[0].current is not None and len(session.logs) == 1
+        assert any("current is taken from 3" in note for note in session.notes)
+    (tmp_path / "nothing").mkdir()
+    with refused(RecordingError, kind=ProblemKind.MISSING):
+        load([tmp_path / "nothing"])
 
 
 def test_layers_may_differ_between_recordings(recordings: list[Path], tmp_path: Path) -> None:

@@ -74,22 +74,17 @@ def read_logs(paths: Sequence[Path], setup: Setup | None, said: Description) -> 
 
 
 def _opened(path: Path, setup: Setup | None, said: Description) -> list[Recording]:
-    if path.is_dir() and not (path / "captures.yaml").is_file():
-        inside = sorted(path.glob("*.h5"))
-        if not inside:
-            words = f"{path} holds neither captures.yaml nor recordings (*.h5); give a folder that does"
-            raise LogError("none", (str(path),), words)
-        return [open_recording(file) for file in inside]
-    if path.suffix == ".h5":
-        return [open_recording(path)]
-    from stagectl.recording.imports import read  # with pyarrow, which our own recordings do not need
+    listed = (path / "captures.yaml").is_file()
+    if ours := [path] if path.suffix == ".h5" else [] if listed else sorted(path.glob("*.h5")):
+        return [open_recording(file) for file in ours]
+    from stagectl.recording.guess.importing import recordings_in  # with pyarrow, which our own recordings do not need
 
     beside = path.parent / "nominal.yaml"
     nominal = (
         {"stage": dict(said.stage), **said.blocks} if said.stage else read_values(beside) if beside.is_file() else {}
     )
-    recordings = read(path, setup, said.columns, scales_of_nominal(nominal, beside) if nominal else None)
-    for recording in recordings if nominal and path.is_file() else ():
+    recordings = recordings_in(path, setup, said.columns, scales_of_nominal(nominal, beside) if nominal else None)
+    for recording in recordings if nominal and not listed else ():
         recording.meta["nominal"] = {**recording.meta.get("nominal", {}), **nominal}
     return recordings
 

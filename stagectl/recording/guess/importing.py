@@ -14,7 +14,7 @@ from stagectl.recording.guess.guess import Guess, GuessedColumn, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import is_text_log, read
 from stagectl.recording.nominal_yaml import axis_values
-from stagectl.recording.scales import Known, Scales, scales_of_stage
+from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, scales_of_stage
 from stagectl.units import unit_on
 
 _LOGS = (".csv", ".txt", ".mat")
@@ -27,10 +27,27 @@ class Imported(NamedTuple):
     guess: Guess | None
 
 
+def recordings_in(
+    path: Path, setup: Setup | None, words: Mapping[str, str] | None, scales: Scales | None = None
+) -> list[Recording]:
+    """The recordings in a log or a folder, as a program reads them that does not ask: a sure guess is taken.
+
+    Raises RecordingError as `import_log` does.
+    """
+    return [log.recording for log in import_log(path, setup, words, NOTHING_KNOWN, unsure=False, scales=scales)]
+
+
 def import_log(
-    path: Path, setup: Setup | None, words: Mapping[str, str] | None, known: Known, unsure: bool
+    path: Path,
+    setup: Setup | None,
+    words: Mapping[str, str] | None,
+    known: Known,
+    unsure: bool,
+    scales: Scales | None = None,
 ) -> list[Imported]:
     """The recordings in a log, a folder of captures or a folder of logs; an `unsure` guess is taken only if told so.
+
+    `scales` may stand in for the stage of `setup`.
 
     Raises RecordingError where it cannot be read, or where the guess is not sure.
     """
@@ -39,15 +56,15 @@ def import_log(
         if not logs:
             reason = f"{path} holds neither captures.yaml nor logs ({', '.join(_LOGS)}); give a folder that does"
             raise RecordingError(reason, path, ProblemKind.MISSING)
-        return [imported for log in logs for imported in import_log(log, setup, words, known, unsure)]
+        return [imported for log in logs for imported in import_log(log, setup, words, known, unsure, scales)]
     try:
-        return [Imported(_with(recording, known), None) for recording in read(path, setup, words, known=known)]
+        return [Imported(_with(recording, known), None) for recording in read(path, setup, words, scales, known)]
     except RecordingError as error:
         unnamed = error.problems[0].kind in (ProblemKind.MISSING, ProblemKind.UNIT) and not error.row
         named = set(words or {})  # where that is all that a log must have, a refusal is about these words
         if path.is_dir() or not unnamed or ("time" in named and {"position", "velocity"} & named):
             raise
-    return [_guessed(path, setup, words or {}, known, unsure)]
+    return [_guessed(path, setup, words or {}, known, unsure, scales)]
 
 
 def _is_log(path: Path) -> bool:
@@ -68,8 +85,10 @@ def _with(recording: Recording, known: Known) -> Recording:
     return recording
 
 
-def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
-    stated = scales_of_stage(setup) if setup is not None else None
+def _guessed(
+    path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool, stated: Scales | None
+) -> Imported:
+    stated = scales_of_stage(setup) if setup is not None else stated
     taken = guess(path, known.of_stage(setup) if setup else known, words)
     scales, notes = (stated, ()) if stated else (_of_kind(taken.scales, words, path), taken.notes)
     unnamed = tuple(_beside(part, words) for part in taken.columns if part.quantity not in words)
