@@ -17,7 +17,6 @@ from stagectl.gap.inference.signatures import DriveSignature, signatures
 from stagectl.gap.inference.value_errors import errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import NAMED, Coordinate, FoundEffect, Part, Spans, UnknownTerm
-from stagectl.gap.selection import refine
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
@@ -52,10 +51,9 @@ def conclude(
     now = selected.fitted
     known = list(errors(e, library, now, functions).values())
     effects = verdict.named_effects(session, e, selected, known)
-    before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
     shifts = [
         shift._replace(probability=min(shift.probability, selected.probability.get(shift.name, 1.0)))
-        for shift in parameter_errors.shifts(session, e, now, known, before)
+        for shift in parameter_errors.shifts(session, e, now, known)
     ]
     richest = with_shape(e, sure.fitted, shape) if shape is not None and shape.fields else now
     explained = [effect.name for effect in effects if effect.probability >= NAMED]

@@ -45,7 +45,7 @@ class Shift(NamedTuple):
     name: str
     change: float  # relative; of the bias to the friction, of the time shift to the control period
     deviation: float  # of the change
-    share: float  # of the closable misfit before the refit that returns without it
+    share: float  # misfit that returns without it, over what the model leaves, noise and all
     value: Value
     probability: float
     alike: tuple[str, ...] = ()  # parameters of which one explains as much
@@ -66,22 +66,23 @@ class Material(NamedTuple):
     alike: tuple[str, ...] = ()  # those of them that explain about as much alone
 
 
-def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], before: float) -> list[Shift]:
-    """All shifts of the refitted model; `before` is the closable misfit of the nominal model.
+def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors]) -> list[Shift]:
+    """All shifts of the refitted model.
 
     `known` are the errors next to the model alone, and beside what is unnamed.  That the unnamed is a function of one
     coordinate is no more than a guess, so a shift is as probable as under the less favourable of the two.
     """
+    left = max(refine.total(e, now.residuals), 1e-300)
     moves = {name: move for name, move in _moves(session, e, now).items() if set(move) <= set(refine.nuisances(e))}
     moves = {name: _of_columns(move, session, now) for name, move in moves.items()}
-    material = _materials(known[0].grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * before)
+    material = _materials(known[0].grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * left)
     views = [estimates(session, e, now, errors) for errors in known]
     parts = {name: material.get(name, Material(0.0)) for name in views[0].estimates}
     of_columns = [
-        _shift(name, [view.given(name, part.given) for view in views], part.misfit / before, session.kind, part.alike)
+        _shift(name, [view.given(name, part.given) for view in views], part.misfit / left, session.kind, part.alike)
         for name, part in parts.items()
     ]
-    return [*of_columns, *_presliding(session, e, now, known, before)]
+    return [*of_columns, *_presliding(session, e, now, known, left)]
 
 
 def _moves(session: Session, e: Evidence, now: Fitted) -> dict[str, dict[str, float]]:
@@ -185,7 +186,7 @@ def shift_odds(name: str, nominal: float) -> float:
     return constants.INCLUSION if name in thresholds.MAY_BE_NONE and nominal == 0.0 else 1.0
 
 
-def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], before: float) -> Iterator[Shift]:
+def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], left: float) -> Iterator[Shift]:
     """The shift of the rolling zone's length; without friction there is no rolling zone.
 
     It has no column of its own: what it is worth tells the simulation with the nominal zone, that rubs as much.  One
@@ -201,7 +202,7 @@ def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Erro
     without, present = (_beside_friction(e, residuals) for residuals in (other, now.residuals))
     odds = 0.5 * (linearised.gain_of_strokes(without, present) - np.log(len(present.strokes)))
     views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
-    share = max(float(np.sum(without.strokes - present.strokes)), 0.0) / before
+    share = max(float(np.sum(without.strokes - present.strokes)), 0.0) / left
     found = _shift("presliding", views, share, session.kind)
     yield found._replace(probability=min(found.probability, float(expit(odds))))
 

@@ -158,3 +158,14 @@ def test_the_friction_of_a_nominal_bristle_that_is_off(tmp_path: Path) -> None:
     (found,) = (one for one in sc.diagnose(logs, stage=stage, advice=False).named if one.name == "coulomb")
     value = found.parameters["coulomb"]
     assert value.low < 1.2 < value.high and value.value == pytest.approx(1.2, abs=0.02) and value.low > 1.05
+
+
+def test_a_small_error_is_found_next_to_a_large_one(tmp_path: Path) -> None:
+    """An inertia two thirds too small makes nearly all of the gap; a friction off by 5 % counts all the same."""
+    stage = sc.load_stage(CONFIG / "ball-screw.yaml")
+    machine = stage.changed({"mechanics.inertia": 0.03, "friction.coulomb": 1.05, "simulation.current_noise": 20e-3})
+    motions = [CONFIG / "trajectories" / f"{name}.yaml" for name in ("sine-1.6hz", "sine-3.2hz")]
+    logs = [as_csv(sc.simulate(stage, path, plant=machine), tmp_path / f"{path.stem}.csv") for path in motions]
+    found = {one.name: one for one in sc.diagnose(logs, stage=stage, advice=False).named}
+    assert {"inertia", "coulomb"} <= set(found)
+    assert found["coulomb"].parameters["coulomb"].value == pytest.approx(1.05, rel=0.01)
