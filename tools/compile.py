@@ -15,4 +15,4 @@ CONFIG = Path(__file__).parents[1] / "config"
 
 sc.simulate(CONFIG / "ball-screw.yaml", CONFIG / "trajectories" / "sine-3.2hz.yaml")
 with tempfile.TemporaryDirectory() as folder:
-    stage_trial(draw(1, "single", Options(short=True)), Path(folder))
+    stage_trial(draw(1, "single", Options(short=True, effects=("cogging",))), Path(folder))
