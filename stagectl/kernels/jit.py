@@ -120,8 +120,10 @@ else:
 
     def _compile() -> None:
         """Make numba know all kernels; each is compiled, or read from disk, at its first call."""
-        import numba  # after its cache directory is known
+        import numba
 
+        config: Any = numba.config
+        config.CACHE_DIR = str(_CACHE)  # a program that had loaded numba before kept it beside the sources
         # Two rollouts run side by side in two threads (nogil).  No kernel allocates: without reference counts and with
         # every call inlined, a period costs a third.
         compiler: Any = functools.partial(numba.njit, cache=_cached, nogil=True, forceinline=True, _nrt=False)

@@ -39,7 +39,7 @@ def stage(tmp_path: Path) -> Path:
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """A few motions, and one round of closing the gap: `test_gap_closing` goes through several."""
     monkeypatch.setattr(steps, "ROUNDS", 1)
-    shorten(monkeypatch, "sine-slow", "sine-medium", "stairs", "check-sine-slow", "check-stairs")
+    shorten(monkeypatch, "sine-slow", "stairs", "check-sine-slow")
 
 
 def going(

@@ -30,7 +30,7 @@ STAGE = CONFIG / "ball-screw.yaml"
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    shorten(monkeypatch, "sine-slow", "sine-fast", "stairs", "check-sine-slow", "check-stairs")
+    shorten(monkeypatch, "sine-slow", "stairs", "check-sine-slow")
 
 
 def machine(folder: Path) -> Path:

@@ -5,24 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from stagectl_studies.machine.stage_trial import stage_trial
-from stagectl_studies.machine.trials import Options as Drawn
-from stagectl_studies.machine.trials import draw
 
-from stagectl.gap import diagnose
-from stagectl.gap.logs import load_session
-from stagectl.gap.result.diagnosis import DiagnosisResult
-
-
-def _diagnosed(place: Path, drawn: Drawn, seed: int, excluded: tuple[str, ...] = ()) -> DiagnosisResult:
-    stage_trial(draw(seed, "single" if len(drawn.effects or ()) == 1 else "pair", drawn), place)
-    session = load_session.load([place / "captures"])
-    return diagnose.diagnose(session, diagnose.Options(excluded=excluded, advice=False), lambda _: None).result
+from tests.gap.drawn import diagnosed, drawn
 
 
 def test_a_weak_effect_behind_a_strong_one(tmp_path: Path) -> None:
-    drawn = Drawn(short=True, effects=("viscous_nonlinear", "cogging"), scale=1.0)
-    diagnosis = _diagnosed(tmp_path, drawn, 41)
+    diagnosis = diagnosed(drawn(tmp_path, 41, "viscous_nonlinear", "cogging", scale=1.0))
     effects = [effect for effect in diagnosis.named if not effect.parameter]
     assert [effect.name for effect in effects] == ["viscous_nonlinear", "cogging"]
     assert (
@@ -33,8 +21,7 @@ def test_a_weak_effect_behind_a_strong_one(tmp_path: Path) -> None:
 
 
 def test_an_effect_that_is_in_no_library(tmp_path: Path) -> None:
-    drawn = Drawn(short=True, effects=("viscous_asymmetry",), scale=2.0)
-    diagnosis = _diagnosed(tmp_path, drawn, 42, excluded=("viscous_asymmetry",))
+    diagnosis = diagnosed(drawn(tmp_path, 42, "viscous_asymmetry", scale=2.0), "viscous_asymmetry")
     assert diagnosis.verdict == "unknown" and not [effect for effect in diagnosis.named if not effect.parameter]
     assert (
         diagnosis.unknown is not None and diagnosis.unknown.coordinate == "speed" and diagnosis.unknown.predicted > 0.8
@@ -47,8 +34,7 @@ def test_an_effect_that_is_in_no_library(tmp_path: Path) -> None:
 
 def test_a_drift_that_ends_early_behind_a_strong_effect(tmp_path: Path) -> None:
     """The axis is warm after the first round: what is left out of the data must not be that round alone."""
-    drawn = Drawn(short=True, effects=("cable_spring", "thermal_coulomb"), scale=2.0)
-    diagnosis = _diagnosed(tmp_path, drawn, 43)
+    diagnosis = diagnosed(drawn(tmp_path, 43, "cable_spring", "thermal_coulomb", scale=2.0))
     named = {effect.name: effect for effect in diagnosis.named}
     assert {"cable_spring", "thermal_coulomb"} <= named.keys() and diagnosis.verdict == "effects"
     assert named["thermal_coulomb"].parameters["rise"].value == pytest.approx(0.2, abs=0.08)

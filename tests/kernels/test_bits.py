@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from stagectl.kernels import jit
 from tests.conftest import ROOT, SOURCES
 
 SCRIPT = """
@@ -73,10 +74,16 @@ def test_one_signature_each(tmp_path: Path) -> None:
     assert {name: count for name, count in counts.items() if count > 1} == {}
 
 
-def test_the_cache_is_named_after_the_sources(tmp_path: Path) -> None:
-    from stagectl.kernels import jit
-
-    folder = Path(jit.__file__).parent
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.glob("*.py"))))
+def test_the_cache_is_named_after_the_sources() -> None:
+    """Also in a program that has loaded numba before: it would keep compiled kernels beside their sources."""
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(jit.__file__).parent.glob("*.py"))))
     assert jit.source_hash() == digest.hexdigest()[:16]
-    assert os.environ["NUMBA_CACHE_DIR"].endswith(jit.source_hash())
+    script = """
+import numba
+from stagectl.kernels import jit, rollout
+print(jit.dispatcher(rollout.closed_loop).stats.cache_path)
+"""
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
+    del environment["NUMBA_CACHE_DIR"]
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    assert Path(done.stdout.strip()).parent.name == jit.source_hash()

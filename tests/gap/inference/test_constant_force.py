@@ -7,14 +7,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from stagectl_studies.machine.stage_trial import stage_trial
-from stagectl_studies.machine.trials import Options, draw
 
 import stagectl as sc
 from stagectl.gap.inference import constant_force
 from stagectl.gap.result.diagnosis import FoundEffect
 from stagectl.gap.selection import refine, select
 from tests.gap.captured import CONFIG, as_csv
+from tests.gap.drawn import diagnosed, drawn
+
+REVERSALS = "micro-8 sine-1.6 held-sine-b held-micro"
 
 
 def of_sine(change: dict[str, float], folder: Path) -> FoundEffect:
@@ -25,10 +26,9 @@ def of_sine(change: dict[str, float], folder: Path) -> FoundEffect:
     return named
 
 
-def of_foreign(effect: str, seed: int, folder: Path) -> dict[str, FoundEffect]:
-    """What is named on a machine that has this `effect`, from the short battery."""
-    stage_trial(draw(seed, "single", Options(effects=(effect,), short=True)), folder)
-    return {found.name: found for found in sc.diagnose(folder / "captures", advice=False).named}
+def of_foreign(effect: str, seed: int, experiments: str, folder: Path) -> dict[str, FoundEffect]:
+    """What is named on a machine of the exam that has this `effect`."""
+    return {found.name: found for found in diagnosed(drawn(folder, seed, effect, experiments=experiments)).named}
 
 
 @pytest.mark.parametrize("change", [{"friction.asymmetry": 0.05}, {"mechanics.bias": 0.04}])
@@ -47,17 +47,19 @@ def test_a_viscous_asymmetry_is_no_constant_force(tmp_path: Path) -> None:
 
 def test_what_the_data_leave_open_is_in_doubt(tmp_path: Path) -> None:
     """A machine whose reversals tell the two apart hardly at all: about as probable as each other."""
-    (found,) = of_foreign("bias", 41, tmp_path).values()
+    (found,) = of_foreign("bias", 41, "", tmp_path).values()
     assert {found.name, *found.alternatives} >= {"bias", "coulomb_asymmetry"} and 0.4 < found.probability < 0.7
 
 
-@pytest.mark.parametrize(("effect", "seed"), [("bias", 42), ("cable_spring", 2)])
-def test_reversals_and_places_tell_them_apart(tmp_path: Path, effect: str, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("effect", "seed", "experiments"), [("bias", 42, REVERSALS), ("cable_spring", 2, "scan sine-1.6 held-sine-b")]
+)
+def test_reversals_and_places_tell_them_apart(tmp_path: Path, effect: str, seed: int, experiments: str) -> None:
     """Where the law of friction does; a spring beside the middle of the travel gives a constant force, too.
 
     The other way round, an asymmetry that is no constant force: `tests/gap/test_diagnose.py`.
     """
-    found = of_foreign(effect, seed, tmp_path)
+    found = of_foreign(effect, seed, experiments, tmp_path)
     assert found[effect].probability > 0.5
     assert {"bias", "coulomb_asymmetry", "cable_spring"} & {*found} == {effect}
 

@@ -8,35 +8,27 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stagectl_studies.machine.stage_trial import stage_trial
-from stagectl_studies.machine.trials import Options as Drawn
-from stagectl_studies.machine.trials import draw
 
-from stagectl.gap import diagnose
 from stagectl.gap.inference import unstructured_residual
-from stagectl.gap.logs import load_session
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
-from tests.gap.test_diagnose import only
+from tests.gap.drawn import diagnosed, drawn
 
 
 @pytest.mark.parametrize(
-    ("effect", "coordinate", "block", "words"),
+    ("effect", "seed", "experiments", "coordinate", "block", "words"),
     [
-        ("base_vibration", "frequency", "mechanics", "oscillates"),
-        ("thermal_viscous", "time", "mechanics", "from run to run"),
-        ("current_loop", "frequency", "drive", "another current"),
+        ("base_vibration", 2, "stairs sine-1.6 held-sine-b", "frequency", "mechanics", "oscillates"),
+        ("thermal_viscous", 4711, "sine-5.0 stairs held-sine-b", "time", "mechanics", "from run to run"),
+        ("current_loop", 4711, "sine-5.0 multisine-1 held-sine-b", "frequency", "drive", "another current"),
     ],
 )
 def test_an_effect_left_out_is_told_by_where_it_is(
-    tmp_path: Path, effect: str, coordinate: str, block: str, words: str
+    tmp_path: Path, effect: str, seed: int, experiments: str, coordinate: str, block: str, words: str
 ) -> None:
-    stage_trial(draw(4711, "single", Drawn(short=True, effects=(effect,), scale=3.0)), tmp_path)
-    session = load_session.load([tmp_path / "captures"])
-    options = diagnose.Options(excluded=(effect,), advice=False)
-    diagnosis = diagnose.diagnose(session, options, lambda _: None).result
+    diagnosis = diagnosed(drawn(tmp_path, seed, effect, scale=3.0, experiments=experiments), effect)
     assert diagnosis.verdict in ("unknown", "effects+unknown") and diagnosis.unknown is not None
     assert (diagnosis.unknown.coordinate, diagnosis.unknown.block) == (coordinate, block)
     assert words in diagnosis.sentence and len(diagnosis.unknown.grid) == len(diagnosis.unknown.force) > 3
@@ -44,9 +36,8 @@ def test_an_effect_left_out_is_told_by_where_it_is(
 
 def test_an_encoder_that_errs_twice_a_signal_period_leaves_nothing_unknown(tmp_path: Path) -> None:
     """Offsets of its signals give a wave a period; unequal gains give a second one, which is named with it."""
-    stage_trial(draw(13, "single", Drawn(short=True, effects=("encoder_interpolation",), scale=4.0)), tmp_path)
-    session = load_session.load([tmp_path / "captures"])
-    diagnosis = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    slow = "scan micro-8 held-sine-b held-micro"
+    diagnosis = diagnosed(drawn(tmp_path, 13, "encoder_interpolation", scale=4.0, experiments=slow))
     assert diagnosis.verdict == "effects" and diagnosis.unknown is None
     found = next(effect for effect in diagnosis.named if effect.name == "encoder_interpolation")
     assert found.parameters["second_amplitude"].low > 0.0
@@ -55,21 +46,17 @@ def test_an_encoder_that_errs_twice_a_signal_period_leaves_nothing_unknown(tmp_p
 
 def test_what_stays_open_in_the_loop_is_unknown_whatever_lies_along_the_path(tmp_path: Path) -> None:
     """A gap between motor and load, left out: what is left may be friction's form, but the loop's gap stays."""
-    stage_trial(draw(1, "single", Drawn(short=True, effects=("backlash",), scale=4.0)), tmp_path)
-    session = load_session.load([tmp_path / "captures"])
-    diagnosis = diagnose.diagnose(
-        session, diagnose.Options(excluded=("backlash",), advice=False), lambda _: None
-    ).result
+    session = drawn(tmp_path, 1, "backlash", scale=4.0, experiments="sine-1.6 multisine-1 held-sine-b")
+    diagnosis = diagnosed(session, "backlash")
     assert diagnosis.gap.after > 10.0 * diagnosis.gap.floor
     assert diagnosis.verdict == "unknown" and diagnosis.unknown == UNORDERED
     assert "no coordinate predicts most of it" in diagnosis.sentence
 
 
 def test_the_noise_of_a_machine_that_ran_once_is_nothing_unknown(tmp_path: Path) -> None:
-    stage_trial(draw(7, "null-exact", Drawn(short=True)), tmp_path)
-    session = only(load_session.load([tmp_path / "captures"]), "sine-1.6", "scan", "held-sine-b")
+    session = drawn(tmp_path, 7, stratum="null-exact", experiments="sine-1.6 held-sine-b")
     once = session._replace(logs=tuple(log for log in session.logs if log.repeat == 1))
-    diagnosis = diagnose.diagnose(once, diagnose.Options(advice=False), lambda _: None).result
+    diagnosis = diagnosed(once)
     assert diagnosis.verdict == "none" and "floor not known" in diagnosis.sentence
 
 
