@@ -58,7 +58,7 @@ class State(NamedTuple):
     unloaded: float  # A, by which stop operators may have changed that at rest
     sense: float  # +1 or -1, of that motion; 0: the reference has not moved yet
     bristle: float = 0.0  # A, by which the bristle may have
-    left: float = 1.0  # share of its friction at speed that the bristle, as laid out, lacked at the end of that motion
+    left: float = 1.0  # share of its friction at speed that the bristle, as laid out, lacked then; not for exponent 1
     low: float = 0.0  # rad | m, least error since then
     high: float = 0.0  # rad | m, largest
 
@@ -70,7 +70,8 @@ AT_REST = State(0.0, 0.0, 0.0)
 @kernel
 def given_up(p: Unloading, x: State, velocity: float) -> tuple[float, State]:
     """Change of the integral (A) in this period, at this reference velocity (rad/s | m/s), and what is held then."""
-    if velocity == 0.0 or p.range == 0.0:
+    nothing = x.unloaded == 0.0 and x.bristle == 0.0 and p.exponent == 1.0
+    if nothing or velocity == 0.0 or p.range == 0.0:
         return 0.0, x
     change = _stops(p, x.unloaded, velocity)
     bristle, left = x.bristle, x.left
@@ -95,10 +96,15 @@ def _stops(p: Unloading, unloaded: float, velocity: float) -> float:
 
 @kernel
 def _bristle(p: Unloading, x: State, velocity: float) -> tuple[float, float]:
-    """What the bristle holds (A) after this period, and what it lacks as it was laid out."""
+    """What the bristle holds (A) after this period, and what it lacks as it was laid out.
+
+    With an exponent of 1 that does not matter: the difference of the two falls as they do.
+    """
+    move = 0.5 * p.bristle * abs(velocity) / p.coulomb
+    if p.exponent == 1.0:
+        return x.bristle * math.exp(-move), x.left
     way = math.copysign(1.0, velocity)
     laid_out = x.left if way * x.sense >= 0.0 else 2.0 - x.left
-    move = 0.5 * p.bristle * abs(velocity) / p.coulomb
     left = friction_bristle.left_after(laid_out, p.exponent, move)
     if x.bristle == 0.0:
         return 0.0, left
