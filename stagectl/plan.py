@@ -111,11 +111,12 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     p, dt = model_effects.without(setup.stage, setup.file.control.unanswered), setup.dt
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
-    memory = model_effects.going_on(p, start.position, start.effects, start.clock)
+    lead = command_delay(setup)
+    memory = model_effects.going_on(p, start.position, start.effects, start.clock + lead)
     if not model_effects.present(p) and memory.held == 0.0:
         return model_effects.Answer()
     each = model_effects.steps(p, dt)
-    t: Array = dt / each * np.arange(each * len(rows) + 1, dtype=np.float64) + command_delay(setup)
+    t: Array = dt / each * np.arange(each * len(rows) + 1, dtype=np.float64) + lead
     path = np.stack(motion.at(t)[:3], axis=1) / setup.file.axis.travel_per_unit
     path[:, 0] += start.position
     current, answer = model_effects.along(p, memory, path, dt)

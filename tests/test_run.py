@@ -308,6 +308,27 @@ def with_effects(folder: Path) -> Path:
     return path
 
 
+def test_what_holds_a_memory_of_the_way_runs_as_it_simulates(tmp_path: Path) -> None:
+    """Bit for bit; what goes by the clock (warming, steps, contacts that age) has waited for the motion in a run."""
+    body = """  viscous_asymmetry: 0.1
+  cable: {stiffness: 0.02 N m/rad, hysteresis: 0.1 N m, slip: 0.6 rad}
+  base: {ratio: 0.05, frequency: 21 Hz}
+  transmission: {load_share: 0.3, load_friction: 0.4, resonance: 800 Hz, damping: 0.1, backlash: 0.3 mrad}
+"""
+    rubbing = "  asymmetry: 0.03\n  load: 0.03\n  lead: {amplitude: 0.03, order: 1}\n"
+    text, stage = movable(STAGE.read_text()), tmp_path / "stage.yaml"
+    for line, more in {"  viscous: 0.14 N m s/rad\n": body, "  coulomb: 1.0 N m\n": rubbing}.items():
+        assert line in text
+        text = text.replace(line, line + more)
+    stage.write_text(text)
+    sc.simulate(stage, SINE).save(tmp_path / "s.h5")
+    done = stagectl("run", stage, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
+    assert done.returncode == 0, done.stderr
+    ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
+    for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
+        assert np.array_equal(ran[column], simulated[column]), column
+
+
 def test_a_model_with_effects_runs_as_it_simulates_and_from_where_the_axis_stands(tmp_path: Path) -> None:
     """Bit for bit from zero; and from elsewhere the current against the cogging is that of the other place."""
     stage, away = with_effects(tmp_path), tmp_path / "away.yaml"

@@ -131,7 +131,14 @@ def without(p: stage.Stage, places: Iterable[str]) -> stage.Stage:
 
 def steps(p: stage.Stage, dt: float) -> int:
     """Into how many steps a control period `dt` (s) is divided for the inverse."""
-    return INVERSE_STEPS * int(transmission.finer(p.mechanics, dt / INVERSE_STEPS))
+    least = INVERSE_STEPS * (2 if _sudden(p, dt) else 1)
+    return least * int(transmission.finer(p.mechanics, dt / least))
+
+
+def _sudden(p: stage.Stage, dt: float) -> bool:
+    """Whether the effort changes within a step, and what a period then gives early or late is to be right."""
+    gap = p.mechanics.transmission.backlash > 0.0 and _resolved(p, dt)
+    return gap or p.friction.step.share != 0.0 or p.mechanics.viscous_step.share != 0.0
 
 
 def begun(p: stage.Stage, position: float, clock: float = 0.0) -> Memory:
@@ -156,7 +163,7 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     acts, from the beginning of the first period to the end of the last.
     """
     each, known = steps(p, dt), plain(p)
-    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin)
+    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin, _resolved(p, dt))
     begins = memory.copy().plain
     current, whole = way.demanded(p, memory.whole)
     without, plain_end = way.demanded(known, memory.plain)
@@ -175,8 +182,9 @@ class _Way(NamedTuple):
 
     plain: stage.Stage
     motion: Array  # (n `steps[1]` + 1, 3)
-    steps: tuple[float, int]  # as in `inverse.along`
+    steps: tuple[float, int]  # s between its rows, and how many of them are a control period
     origin: float  # rad | m, where what is demanded at rest is left to the feedback
+    resolved: bool  # of all models alike, as they are subtracted
 
     def for_model(self, p: stage.Stage) -> _Way:
         """The same in no finer steps than this model needs."""
@@ -190,15 +198,34 @@ class _Way(NamedTuple):
         """Current (n + 1,) A at rest and in each period, beyond that at rest at the origin; the state at the end."""
         at_origin, begins = _resting(p, stage.at_rest(p, self.origin, x.memory.time)), _resting(p, x)
         out = np.empty(len(self.motion))
-        end = inverse.along(p, x, self.motion, self.steps, out)
-        means = (0.5 * (out[1:] + out[:-1])).reshape(-1, self.steps[1]).mean(axis=1)
-        return np.concatenate([[begins], means]) - at_origin, end
+        end = inverse.along(p, x, self.motion, self.steps[0], out)
+        acting = _held(0.5 * (out[1:] + out[:-1]), self.steps[1], self.resolved)
+        return np.concatenate([[begins], acting]) - at_origin, end
+
+
+def _held(current: Array, each: int, resolved: bool) -> Array:
+    """Current (n,) of each period that moves the axis as `current` (n `each`,) does.
+
+    The mean of a period gives its velocity.  What comes early or late in it also moves the axis; the periods on either
+    side give that, too, where the current is `resolved`: not of a push that is over before they are.
+    """
+    rows = current.reshape(-1, each)
+    means: Array = rows.mean(axis=1)
+    if not resolved:
+        return means
+    from_middle = (np.arange(each) + 0.5) / each - 0.5
+    return means + np.convolve(rows @ from_middle / each, (-0.5, 0.0, 0.5), "same")
+
+
+def _resolved(p: stage.Stage, dt: float) -> bool:
+    """Whether a contact across a gap, half a swing of the drive train, lasts for two periods `dt` (s)."""
+    return p.mechanics.transmission.backlash == 0.0 or 4.0 * p.mechanics.transmission.resonance * dt <= 1.0
 
 
 def _resting(p: stage.Stage, x: stage.State) -> float:
     """Current (A) that holds the axis at rest where it is; its state `x` stays."""
     out = np.empty(1)
-    inverse.along(p, _copied(x), np.array([[x.position, 0.0, 0.0]]), (1.0, 1), out)
+    inverse.along(p, _copied(x), np.array([[x.position, 0.0, 0.0]]), 1.0, out)
     return float(out[0])
 
 

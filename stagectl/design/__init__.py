@@ -32,7 +32,7 @@ from stagectl.design.margins import (
     settles,
     with_observer,
 )
-from stagectl.kernels import feedback, feedforward, law, observer, stage, unloading
+from stagectl.kernels import feedback, feedforward, friction_bristle, law, observer, stage, unloading
 from stagectl.problem import Problem, ProblemKind
 
 
@@ -83,14 +83,14 @@ def design(p: stage.Stage, control: Settings) -> Controller:
 
 def _unloading(p: stage.Stage, dt: float) -> unloading.Unloading:
     """How the feedback gives up what it took at rest."""
-    per_period, sliding = dt / p.motor.force_constant, stage.sliding(p.friction)
-    bristle = p.friction.bristle.stiffness if p.friction.bristle.coulomb > 0.0 else 0.0
-    return unloading.Unloading(
-        per_period * (stage.stiffness(p.friction) - bristle),
-        per_period * stage.reversed_stiffness(p.friction),
-        2.0 * sliding / p.motor.force_constant,
-        per_period * 2.0 * bristle,
-    )
+    constant, bristle = p.motor.force_constant, p.friction.bristle
+    springs = stage.stiffness(p.friction._replace(bristle=friction_bristle.NEUTRAL)) / constant
+    sliding, creeps = 2.0 * stage.sliding(p.friction) / constant, bristle.coulomb / constant
+    along = dt * springs * (sliding / (sliding - 2.0 * creeps)) if springs > 0.0 else 0.0
+    bending = 2.0 * dt * bristle.stiffness / constant
+    if bristle.coulomb == 0.0:
+        bending, creeps = along, 0.5 * sliding
+    return unloading.Unloading(dt * springs, along, sliding, bending, creeps, bristle.exponent, springs, p.encoder.step)
 
 
 def designed_observer(p: stage.Stage, control: Settings, designed: Feedback) -> observer.Observer:

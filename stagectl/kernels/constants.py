@@ -26,3 +26,4 @@ READING_STEPS = 20  # towards a reading of the encoder, each as much nearer as i
 LOAD_STEPS = (
     2  # towards where the load is, whose weight decides where it is: each as much nearer as the spring is stiff
 )
+CLOCK_ROUNDING = 1e-6  # s, of a clock that adds periods for hours; no period is as short

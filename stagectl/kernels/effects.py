@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from stagectl.kernels.constants import SERIES_BELOW
+from stagectl.kernels.constants import CLOCK_ROUNDING, SERIES_BELOW
 from stagectl.kernels.jit import kernel, table
 from stagectl.units import Quantity
 
@@ -75,7 +75,7 @@ def drifting(warming: Warming, step: Step, time: float) -> float:
     factor = 1.0
     if warming.rise != 0.0:
         factor += warming.rise * math.exp(-time / warming.time)
-    if step.share != 0.0 and time >= step.at:
+    if step.share != 0.0 and time >= step.at - CLOCK_ROUNDING:
         factor *= 1.0 + step.share
     return factor
 

@@ -60,12 +60,12 @@ def within(p: Bristle, z: float, limit: float, dx: float, dt: float) -> tuple[fl
     """Force and deflection after a move of `dx`, not 0, where the bristle holds up to `limit` (N m | N)."""
     side = 1.0 if dx > 0.0 else -1.0
     left = 1.0 - side * p.stiffness * z / limit
-    deflection = side * (1.0 - _decayed(left, p.exponent, p.stiffness * abs(dx) / limit)) * limit / p.stiffness
+    deflection = side * (1.0 - left_after(left, p.exponent, p.stiffness * abs(dx) / limit)) * limit / p.stiffness
     return p.stiffness * deflection + p.damping * (deflection - z) / dt, deflection
 
 
 @kernel
-def _decayed(w: float, exponent: float, move: float) -> float:
+def left_after(w: float, exponent: float, move: float) -> float:
     """Solution of ``dw/ds = -|w|^exponent sgn(w)`` after s = `move`; below an exponent of 1 it ends at zero."""
     if exponent == 1.0:
         return w * math.exp(-move)

@@ -39,25 +39,22 @@ class _Opposed(NamedTuple):
 
 
 @kernel
-def along(p: Stage, x: State, motion: Any, steps: tuple[float, int], out: Any) -> State:
+def along(p: Stage, x: State, motion: Any, h: float, out: Any) -> State:
     """Fill `out` (n,) with the motor current (A) at each row of `motion` (n, 3); the state at its end.
 
-    `motion` has position, velocity and acceleration of the motor in axis units, from the position of `x` on.  `steps`
-    is the time between its rows (s), short enough for the model (`transmission.finer`), and after how many of them
-    warming and drift are looked at again.
+    `motion` has position, velocity and acceleration of the motor in axis units, from the position of `x` on.  `h` is
+    the time between its rows (s), short enough for the model (`transmission.finer`).
     """
-    h, each = steps
-    for first in range(0, len(motion), each):
+    for k in range(len(motion)):
         masses = transmission.coefficients(p.mechanics, x.memory.time, h)
         held = friction_effects.held(p.friction, x.memory.time, h)
-        for k in range(first, min(first + each, len(motion))):
-            row = motion[k]
-            given = _Given(row[0], row[1], row[2])
-            opposed = _opposed(p, (masses, held), x, given)
-            effort, bodies = _effort(masses, x.memory, given, opposed)
-            motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * given.position)
-            out[k] = (effort - motor.cogging) / motor.constant - p.drive.offset
-            x = _moved(x, h, out[k], opposed, bodies)
+        row = motion[k]
+        given = _Given(row[0], row[1], row[2])
+        opposed = _opposed(p, (masses, held), x, given)
+        effort, bodies = _effort(masses, x.memory, given, opposed)
+        motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * given.position)
+        out[k] = (effort - motor.cogging) / motor.constant - p.drive.offset
+        x = _moved(x, h, out[k], opposed, bodies)
     return x
 
 

@@ -123,7 +123,9 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
         return Output(0.0, 0.0, 0.0, 0.0, 0.0, known, limited(p, known)), AT_REST
     error = r.target - measured
     driving = acted_on(p, r, error)
-    given_up = unloading.given_up(p.unloading, x.unloading, r.velocity) if r.friction != 0.0 else 0.0
+    given_up, held = 0.0, x.unloading
+    if r.friction != 0.0:
+        given_up, held = unloading.given_up(p.unloading, held, r.velocity)
     pid, outer = _integral_changed(p, x, given_up)
     before = outer.integral if p.cascaded else pid.integral
     if p.cascaded:
@@ -143,5 +145,5 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
     if p.observer.active:  # without the friction compensation, or it would see all the friction and compensate it again
         seen = observer.updated(p.observer, x.observer, measured, current - r.friction)
     output = Output(error, terms.proportional, terms.integral, terms.derivative, against, command, current)
-    held = unloading.after(p.unloading, x.unloading, r.velocity, given_up, terms.proportional + terms.integral)
+    held = unloading.after(p.unloading, held, r.velocity, error, terms.proportional + terms.integral)
     return output, State(pid, outer, seen, held)

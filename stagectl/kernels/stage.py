@@ -99,12 +99,6 @@ def stiffness(p: Friction) -> float:
     return float(sum(a * r for a, r in pairs)) + (p.bristle.stiffness if p.bristle.coulomb > 0.0 else 0.0)
 
 
-def reversed_stiffness(p: Friction) -> float:
-    """Stiffness (N m/rad | N/m) right after a full reversal: Dahl's bristle is 2^n times as stiff as at rest."""
-    bristle = p.bristle.stiffness if p.bristle.coulomb > 0.0 else 0.0
-    return stiffness(p) + float(2.0**p.bristle.exponent - 1.0) * bristle
-
-
 def longest_slip(p: Friction) -> float:
     """Displacement (rad | m) over which the last element that carries slips; of any where there is no friction."""
     bristle = p.bristle.coulomb / p.bristle.stiffness if p.bristle.coulomb else 0.0

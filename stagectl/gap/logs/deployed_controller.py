@@ -108,7 +108,8 @@ def _unloading(c: Block) -> unloading.Unloading:
     if len(values) not in (0, len(unloading.ABSENT)):
         raise c.refused(
             "unloading",
-            "must be four numbers: rates against the motion and along it, the range, and the bristle's rate",
+            "must be eight numbers: rates against the motion and along it, the range; the bristle's rate, its part of "
+            "the friction and its exponent; stiffness, and the way that the encoder does not show",
         )
     return unloading.Unloading(*values)
 

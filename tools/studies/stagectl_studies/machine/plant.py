@@ -11,7 +11,7 @@ from stagectl_studies.machine.drive import LoopState, current_step, limited, mea
 from stagectl_studies.machine.jit import compiled
 from stagectl_studies.machine.machine import MAXWELL, Floats, Machine, Motion
 from stagectl_studies.machine.motion import derivative, midpoint
-from stagectl_studies.machine.standstill import given_up, left_alone, remembered
+from stagectl_studies.machine.standstill import NOTHING, given_up, left_alone, remembered
 
 SUBSTEPS = 20  # per control period of 0.5 ms: 40 kHz
 LARGEST_ERROR = 3.0  # rad; beyond it the run is lost
@@ -87,17 +87,17 @@ def run_loop(p: Machine, loop: Loop, rows: Rows, noise: Noise, work: Work, into:
     motion = Motion(x0, 0.0, x0, 0.0, x0, 0.0, 0.0, 0.0, 0.0, 0.0)
     friction = contact(p, work.memory, work.memory, (motion, motion, 0.0), 0.0, begin)
     electric = LoopState(0.0, 0.0, 0.0)
-    state = held = (0.0, 0.0, 0.0)
+    state, held = (0.0, 0.0, 0.0), NOTHING
     target, acting, logged = 0.0, 0, 0
     for k in range(n):
         out.position[k] = measured(p.encoder, motion.x, noise.encoder[k])
         out.true_position[k], out.true_speed[k] = motion.x, motion.v
         error = rows.target[k] - out.position[k]
-        change = given_up(loop.rest, held, rows.speed[k]) if rows.friction[k] != 0.0 else 0.0
+        change, held = given_up(loop.rest, held, rows.speed[k], rows.friction[k])
         seen = left_alone(loop.rest, error, rows.speed[k])
         before = state[0] + change
         feedback, state = pid(loop, seen, (before, state[1], state[2]))
-        held = remembered(loop.rest, held, rows.speed[k], change, loop.kp * seen + state[0])
+        held = remembered(loop.rest, held, rows.speed[k], error, loop.kp * seen + state[0])
         out.command[k] = feedback + rows.feedforward[k] + rows.injection[k]
         given, integrator = saturated(loop, out.command[k], seen, state[0], before)
         state = (integrator, state[1], state[2])
