@@ -7,12 +7,14 @@ from typing import Any
 
 from stagectl.kernels import effects, friction, friction_bristle, friction_effects, plant_with_effects, transmission
 from stagectl.kernels.constants import LOAD_STEPS, READING_STEPS
+from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import NO_COMMANDS, Line, Memory, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 _NEVER: Line = (-math.inf,) * 8  # no command has begun
 
 
+@kernel
 def standing(p: Stage, stops: Any, position: float, time: float) -> State:
     """The plant at rest at `position` (rad | m), its operators `stops` (n,), changed in place: see `stage.at_rest`."""
     behind = position
@@ -62,6 +64,7 @@ def read(p: Stage, measured: float) -> float:
     return position
 
 
+@kernel
 def efforts(p: Stage, position: float, time: float, behind: float) -> tuple[float, float]:
     """Efforts on motor and load (N m | N) of an axis at rest, its load `behind` (rad | m), before any friction."""
     bodies = Bodies(position, 0.0, position, 0.0, 0.0, 0.0)
@@ -75,6 +78,7 @@ def efforts(p: Stage, position: float, time: float, behind: float) -> tuple[floa
     return motor.constant * p.drive.offset + motor.cogging, p.mechanics.bias - against
 
 
+@kernel
 def _limits(p: Stage, position: float, time: float, driving: float, load: float) -> tuple[float, float]:
     """What slips at rest, as factors on bristle (without its own Stribeck) and operators."""
     held = friction_effects.held(p.friction, time, 1.0)
@@ -88,6 +92,7 @@ def _limits(p: Stage, position: float, time: float, driving: float, load: float)
     return max(place + pressed, 0.0) * side, max(place * rise + pressed, 0.0) * side
 
 
+@kernel
 def _load_at(p: Stage, position: float, driving: float, force: float) -> float:
     """Position of the load behind spring and gap, which carry the motor's effort less its friction."""
     c = transmission.coefficients(p.mechanics, 0.0, 1.0)

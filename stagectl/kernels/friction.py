@@ -56,12 +56,14 @@ def relaxed(p: StopOperators) -> Any:
     return states(len(p.weight))
 
 
+@kernel
 def relax(s: Any) -> None:
     """Take the load off operators `s` (n,), in place."""
     for j in range(len(s)):
         s[j] = 0.0
 
 
+@kernel
 def settled(p: StopOperators, s: Any, load: float, limit: float = 1.0) -> float:
     """Let relaxed operators `s` give way until they carry `load` (N m | N); the force they then give.
 

@@ -92,6 +92,7 @@ def _less(n: float, y: float) -> float:
     return 1.0 - y + square * (0.5 * n - third * y + square * (fourth - fifth * y + square * sixth))
 
 
+@kernel
 def settled(p: Bristle, load: float, share: float = 1.0) -> float:
     """Deflection (rad | m) with which the bristle carries `load` (N m | N) at rest, up to `share` of what holds it."""
     holds = share * p.coulomb * friction.stribeck(p.stribeck, 0.0)

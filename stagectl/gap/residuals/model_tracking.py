@@ -1,5 +1,6 @@
 """The stage model tracks the measured path of a log: what must be added to its effort is the residual effort."""
 
+import functools
 import math
 from collections.abc import Sequence
 from itertools import compress
@@ -7,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from stagectl.gap.logs.log_start import LogStart, of_log
 from stagectl.gap.logs.session import Array, Log
@@ -16,7 +18,7 @@ from stagectl.kernels import feedback, friction, stage, tracked_model
 
 
 class MeasuredPath(NamedTuple):
-    """What a model tracks: one log, or the mean of repeats."""
+    """What a model tracks: one log, or the mean of repeats; known by its identity."""
 
     rows: Array  # (n, 3) command A, position rad | m, current A (NaN: not measured)
     start: float  # s, session clock
@@ -24,12 +26,28 @@ class MeasuredPath(NamedTuple):
     sensed: Array | float = 0.0  # (n,) A, what of the current is noise of its sensor, as far as is known
     still: bool = False  # whether the axis is known to stand at the first row
 
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
     @property
     def begins(self) -> LogStart:
         """How the log begins; what is left of the noise of a standing axis is no velocity."""
         if self.still:
             return LogStart(float(self.rows[0, 1]), self.start)
         return of_log(self.rows[:, 1], self.rows[:, 0], self.start, self.dt)
+
+
+class _Inputs(NamedTuple):
+    """What every model is given along one path."""
+
+    begins: LogStart
+    rows: Array  # (n, 2) command, and current as it is fed back (A)
+    line: Array  # (n, m) positions of m ticks (rad | m)
+    current: Array  # (n,) A, as it was measured
+    unknown: NDArray[np.bool_]  # (n,) where it was not
 
 
 class ModelResidual(NamedTuple):
@@ -94,6 +112,15 @@ def places(position: Array, late: int, count: int) -> Array:
     return sliding_window_view(line, 4)[: len(position)] @ cubic
 
 
+@functools.lru_cache(maxsize=16)  # many models in turn along a few paths
+def _inputs(path: MeasuredPath, late: int) -> _Inputs:
+    """Of models whose encoder reports a position `late` (samples)."""
+    command, position, current = path.rows.T
+    line = places(position, late, ticks(path.dt))
+    rows = np.column_stack([command, current - path.sensed])
+    return _Inputs(path.begins, rows, np.ascontiguousarray(line), current.copy(), np.isnan(current))
+
+
 def _that_carries(p: stage.Friction) -> stage.Friction:
     """`p` without stop operators of no weight: they give no force, and a fitted family has many."""
     weight, slip = p.operators.weight, p.operators.slip
@@ -109,17 +136,15 @@ def tracking_residual(
     """
     encoder = p.stage.encoder._replace(step=0.0)  # the log is quantised already
     p = p._replace(stage=p.stage._replace(encoder=encoder, friction=_that_carries(p.stage.friction)))
-    start = path.begins
-    plant = start.plant(p.stage, path.dt)
+    given, count = _inputs(path, p.stage.encoder.delay_samples), ticks(path.dt)
+    plant = given.begins.plant(p.stage, path.dt)
     if load:
-        plant.stops[:] = load if start.going_on[0] == 0.0 else (1.0 - load) * plant.stops
+        plant.stops[:] = load if given.begins.going_on[0] == 0.0 else (1.0 - load) * plant.stops
     x = tracked_model.State(plant, feedback.AT_REST)
-    out = np.empty((len(path.rows), 2))
-    count, measured = ticks(path.dt), path.rows[:, 2]
+    out = np.empty((2, len(path.rows)))
     steps = stage.steps_that_hold(p.stage, path.dt / count, math.ceil(substeps / count))
-    rows = np.column_stack([path.rows[:, 0], measured - path.sensed])
-    line = places(path.rows[:, 1], p.stage.encoder.delay_samples, count)
-    tracked_model.follow(p, x, (rows, line, out), path.dt, steps)
-    missing = np.where(np.isnan(measured), 0.0, measured - out[:, 1])
+    tracked_model.follow(p, x, (given.rows, given.line, out.T), path.dt, steps)
+    missing = given.current - out[1]
+    missing[given.unknown] = 0.0
     with np.errstate(over="ignore"):  # of a candidate that diverges: its residual is not finite, and it is left out
-        return ModelResidual(out[:, 0] * p.stage.motor.force_constant, missing)
+        return ModelResidual(out[0] * p.stage.motor.force_constant, missing)

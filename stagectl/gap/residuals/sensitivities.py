@@ -4,6 +4,7 @@ No effect has a formula here.  The stage model with and without it tracks the sa
 column, with delays, sampling and estimator included.
 """
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -83,6 +84,7 @@ def _current_in_time(p: TrackedModel, path: MeasuredPath) -> tuple[TrackedModel,
     return p._replace(stage=stage), _earlier(path, 2, whole)
 
 
+@functools.lru_cache(maxsize=16)  # most models of one fit have the same shift
 def _earlier(path: MeasuredPath, column: int, samples: float) -> MeasuredPath:
     """`path` with the current in a `column` that was logged `samples` later."""
     rows = path.rows.copy()
