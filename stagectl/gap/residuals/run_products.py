@@ -62,9 +62,9 @@ def first_fold(stroke: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 def folds_of(run: Run) -> Parts:
     """The samples of both folds."""
-    strokes = spans(run.cluster)
-    first = first_fold(np.arange(len(strokes)))
-    return [[stroke for stroke, mine in zip(strokes, first == fold, strict=True) if mine] for fold in (True, False)]
+    stroke = np.cumsum(np.diff(run.cluster, prepend=run.cluster[:1]) != 0)
+    pairs = spans(first_fold(stroke).astype(np.int64))
+    return [pairs[0::2], pairs[1::2]]
 
 
 def without_columns(run: Run, own: Sequence[Array]) -> RunProducts:
@@ -199,7 +199,8 @@ def _between(x: Array | NDArray[np.float32], y: Array | NDArray[np.float32], par
     """Products (2, b, p, q) of `x` (2, p, m) and `y` (2, q, m) within each part, in double precision."""
     products = np.zeros((2, len(parts), x.shape[1], y.shape[1]))
     for k, span in ((k, span) for k, part in enumerate(parts) for span in part):
-        left, right = (rows[:, :, span].astype(np.float64, copy=False) for rows in (x, y))
+        left = x[:, :, span].astype(np.float64, copy=False)
+        right = left if y is x else y[:, :, span].astype(np.float64, copy=False)
         products[:, k] += left @ np.swapaxes(right, 1, 2)
     return products
 
