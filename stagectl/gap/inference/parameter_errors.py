@@ -45,7 +45,7 @@ class Shift(NamedTuple):
     name: str
     change: float  # relative; of the bias to the friction, of the time shift to the control period
     deviation: float  # of the change
-    share: float  # misfit that returns without it, over what the model leaves, noise and all
+    share: float  # misfit that returns without it, over that of the nominal model or what this one leaves (`_scale`)
     value: Value
     probability: float
     alike: tuple[str, ...] = ()  # parameters of which one explains as much
@@ -72,17 +72,27 @@ def shifts(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors]) 
     `known` are the errors next to the model alone, and beside what is unnamed.  That the unnamed is a function of one
     coordinate is no more than a guess, so a shift is as probable as under the less favourable of the two.
     """
-    left = max(refine.total(e, now.residuals), 1e-300)
+    scale = _scale(e, now)
     moves = {name: move for name, move in _moves(session, e, now).items() if set(move) <= set(refine.nuisances(e))}
     moves = {name: _of_columns(move, session, now) for name, move in moves.items()}
-    material = _materials(known[0].grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * left)
+    material = _materials(known[0].grams, refine.nuisances(e), moves, thresholds.SHIFT_SHARE * scale)
     views = [estimates(session, e, now, errors) for errors in known]
     parts = {name: material.get(name, Material(0.0)) for name in views[0].estimates}
     of_columns = [
-        _shift(name, [view.given(name, part.given) for view in views], part.misfit / left, session.kind, part.alike)
+        _shift(name, [view.given(name, part.given) for view in views], part.misfit / scale, session.kind, part.alike)
         for name, part in parts.items()
     ]
-    return [*of_columns, *_presliding(session, e, now, known, left)]
+    return [*of_columns, *_presliding(session, e, now, known, scale)]
+
+
+def _scale(e: Evidence, now: Fitted) -> float:
+    """Misfit to which what a shift is worth is compared: the nominal model's above the noise, or all that `now` leaves.
+
+    The smaller one counts.  Another error that is large makes none immaterial, and neither does noise where there is
+    little to close.
+    """
+    before = refine.total(e, list(e.base.before)) - refine.floor(e)
+    return max(min(before, refine.total(e, now.residuals)), 1e-300)
 
 
 def _moves(session: Session, e: Evidence, now: Fitted) -> dict[str, dict[str, float]]:
@@ -186,7 +196,7 @@ def shift_odds(name: str, nominal: float) -> float:
     return constants.INCLUSION if name in thresholds.MAY_BE_NONE and nominal == 0.0 else 1.0
 
 
-def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], left: float) -> Iterator[Shift]:
+def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], scale: float) -> Iterator[Shift]:
     """The shift of the rolling zone's length; without friction there is no rolling zone.
 
     It has no column of its own: what it is worth tells the simulation with the nominal zone, that rubs as much.  One
@@ -202,7 +212,7 @@ def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Erro
     without, present = (_beside_friction(e, residuals) for residuals in (other, now.residuals))
     odds = 0.5 * (linearised.gain_of_strokes(without, present) - np.log(len(present.strokes)))
     views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
-    share = max(float(np.sum(without.strokes - present.strokes)), 0.0) / left
+    share = max(float(np.sum(without.strokes - present.strokes)), 0.0) / scale
     found = _shift("presliding", views, share, session.kind)
     yield found._replace(probability=min(found.probability, float(expit(odds))))
 

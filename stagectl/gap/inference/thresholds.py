@@ -10,7 +10,7 @@ DELAY_PER_JITTER = 4.0  # ratio; chosen. A shorter mean delay or lag is part of 
 
 # -- parameter errors ------------------------------------------------------------------------------------------------
 
-SHIFT_SHARE = 0.005  # of what the model leaves, noise and all; chosen. A shift that returns less is immaterial.
+SHIFT_SHARE = 0.005  # of the misfit (`parameter_errors._scale`); chosen. A shift that returns less is immaterial.
 # Relative; of the bias to the friction, of the time shift to the period; chosen. A smaller shift does not matter.
 SHIFT_LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02}
 SHIFT_LEAST |= {"time_shift": 0.1, "dead_time": 0.1}  # control periods

@@ -14,6 +14,7 @@ from stagectl.gap.inference.estimates import Estimate, Joint
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import Value
+from stagectl.gap.selection import refine
 from tests.gap.captured import CONFIG, as_csv
 
 NOTHING: Any = None
@@ -158,6 +159,23 @@ def test_the_friction_of_a_nominal_bristle_that_is_off(tmp_path: Path) -> None:
     (found,) = (one for one in sc.diagnose(logs, stage=stage, advice=False).named if one.name == "coulomb")
     value = found.parameters["coulomb"]
     assert value.low < 1.2 < value.high and value.value == pytest.approx(1.2, abs=0.02) and value.low > 1.05
+
+
+@pytest.mark.parametrize(
+    ("before", "left", "scale"),
+    [
+        (1000.0, 100.0, 100.0),  # another error is large
+        (150.0, 100.0, 60.0),  # nearly all is noise
+        (80.0, 100.0, 1e-300),  # nothing is to close: any shift would be material, and none is probable
+    ],
+)
+def test_what_a_shift_is_worth_counts_next_to_the_gap_or_to_what_is_left(
+    monkeypatch: pytest.MonkeyPatch, before: float, left: float, scale: float
+) -> None:
+    monkeypatch.setattr(refine, "total", lambda _, residuals: residuals[0])
+    monkeypatch.setattr(refine, "floor", lambda _: 90.0)
+    evidence: Any = SimpleNamespace(base=SimpleNamespace(before=[before]))
+    assert parameter_errors._scale(evidence, cast("Any", SimpleNamespace(residuals=[left]))) == scale
 
 
 def test_a_small_error_is_found_next_to_a_large_one(tmp_path: Path) -> None:
