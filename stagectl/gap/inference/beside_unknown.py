@@ -13,7 +13,7 @@ from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.inference import verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
-from stagectl.gap.inference.unknown import KINDRED, unknown
+from stagectl.gap.inference.unknown import kindred, unknown
 from stagectl.gap.inference.unstructured_residual import BANDS
 from stagectl.gap.result.diagnosis import NAMED, UnknownTerm
 from stagectl.gap.selection import linearised
@@ -36,7 +36,7 @@ class BesideUnknown(NamedTuple):
 def beside_unknown(e: Evidence, library: Library, selected: Selection, smooth: BasisColumns) -> BesideUnknown:
     """`selected` with its unknown, and with no effect more probable than that both are there.
 
-    What is no longer named thereby belongs to the unknown, which is looked for again without it.
+    What is no longer named belongs to the unknown, which is looked for again without it.
     """
     named = verdict.only_named(e, selected)
     shape = unknown(e, named, smooth)
@@ -79,5 +79,4 @@ def of_kin(name: str, shape: UnknownTerm) -> bool:
         return EFFECTS[name].block == DRIVE
     if shape.coordinate == BANDS:
         return False
-    kindred = {shape.coordinate, KINDRED.get(shape.coordinate)}
-    return EFFECTS[name].block != DRIVE and bool(kindred & set(EFFECTS[name].seen_over))
+    return EFFECTS[name].block != DRIVE and not kindred(shape.coordinate).isdisjoint(EFFECTS[name].seen_over)

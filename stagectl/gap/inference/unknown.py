@@ -110,8 +110,12 @@ def _clear(fits: Sequence[ShapeFit], explained: Sequence[Explained], least: floa
 
 
 def _form_error(coordinate: str, explained: Sequence[Explained]) -> float:
-    kindred = {coordinate, KINDRED.get(coordinate)}
-    return max((OF_KIN * part.gain for part in explained if part.coordinate in kindred), default=0.0)
+    return max((OF_KIN * part.gain for part in explained if part.coordinate in kindred(coordinate)), default=0.0)
+
+
+def kindred(coordinate: str) -> set[str]:
+    """The coordinates over which an error of form over `coordinate` shows."""
+    return {coordinate, KINDRED.get(coordinate, coordinate)}
 
 
 def _explained(e: Evidence, selected: Selection) -> list[Explained]:
