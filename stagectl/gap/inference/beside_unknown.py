@@ -3,6 +3,9 @@
 Where something is missing that no effect explains, the library does not hold all of the truth, and the effect that is
 most like what is missing explains much of it.  Two causes over one coordinate are there as often as any second effect;
 one cause, of which a stand-in leaves no more than the share that is seen, is there as often as that share is small.
+What an effect leaves over its own coordinate counts against it in the same way where it is too little for an unknown:
+if a function orders it, and no friction law does, the form of the effect is not that of the machine.  A wave stands by
+its line, whatever harmonics are left next to it.
 """
 
 from typing import NamedTuple
@@ -13,12 +16,12 @@ from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.inference import verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
-from stagectl.gap.inference.unknown import kindred, unknown
+from stagectl.gap.inference.unknown import error_of_form, kindred, unknown
 from stagectl.gap.inference.unstructured_residual import BANDS
 from stagectl.gap.result.diagnosis import NAMED, UnknownTerm
 from stagectl.gap.selection import linearised
 from stagectl.gap.selection.candidates import EffectValues
-from stagectl.gap.selection.constants import INCLUSION
+from stagectl.gap.selection.constants import INCLUSION, WAVES
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.material import without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -40,11 +43,13 @@ def beside_unknown(e: Evidence, library: Library, selected: Selection, smooth: B
     """
     named = verdict.only_named(e, selected)
     shape = unknown(e, named, smooth)
-    if shape is None:
+    left = shape or error_of_form(e, named.fitted, smooth)
+    if left is None:
         return BesideUnknown(selected, named, None)
     probability = dict(selected.probability)
-    for valued in (valued for valued in named.fitted.effects if of_kin(valued.effect.name, shape)):
-        both = two_causes(e, library, named.fitted, valued, shape)
+    by_form = (valued for valued in named.fitted.effects if shape is not None or valued.effect.name not in WAVES)
+    for valued in (valued for valued in by_form if of_kin(valued.effect.name, left)):
+        both = two_causes(e, library, named.fitted, valued, left)
         probability[valued.effect.name] = min(probability[valued.effect.name], both)
     less = selected._replace(probability=probability)
     if all(probability[valued.effect.name] >= NAMED for valued in named.fitted.effects):

@@ -69,8 +69,16 @@ def test_an_effect_is_one_of_two_causes_as_far_as_no_function_takes_its_place(
     assert found == pytest.approx(probability)
 
 
-def named_beside(monkeypatch: pytest.MonkeyPatch, shapes: dict[frozenset[str], UnknownTerm | None]) -> Any:
-    """What is said of a cogging and an asymmetry next to the unknown that `shapes` holds for what is named."""
+def named_beside(
+    monkeypatch: pytest.MonkeyPatch,
+    shapes: dict[frozenset[str], UnknownTerm | None],
+    misfit: UnknownTerm | None = None,
+    wave: str = "cogging",
+) -> Any:
+    """What is said of a `wave` and an asymmetry next to the unknown that `shapes` holds for what is named.
+
+    `misfit` is what both leave over a coordinate where that is too little for an unknown.
+    """
 
     def only(_: Any, selected: Any) -> Any:
         kept = [x for x in selected.fitted.effects if selected.probability[x.effect.name] >= 0.5]
@@ -81,9 +89,10 @@ def named_beside(monkeypatch: pytest.MonkeyPatch, shapes: dict[frozenset[str], U
 
     monkeypatch.setattr(verdict, "only_named", only)
     monkeypatch.setattr(beside_unknown, "unknown", found)
+    monkeypatch.setattr(beside_unknown, "error_of_form", lambda *_: misfit)
     monkeypatch.setattr(beside_unknown, "two_causes", lambda *_: 0.1)
-    effects = [SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("cogging", "coulomb_asymmetry")]
-    gains = {"cogging": 100.0, "coulomb_asymmetry": 1000.0}
+    effects = [SimpleNamespace(effect=SimpleNamespace(name=name)) for name in (wave, "coulomb_asymmetry")]
+    gains = {wave: 100.0, "coulomb_asymmetry": 1000.0}
     selected = Selection(
         cast("Any", SimpleNamespace(effects=effects)), NOTHING, dict.fromkeys(gains, 0.9), {}, gains, {}
     )
@@ -103,3 +112,17 @@ def test_a_name_that_falls_leaves_its_part_to_the_unknown(monkeypatch: pytest.Mo
     assert found.selected.probability == {"cogging": 0.1, "coulomb_asymmetry": 0.9}
     assert found.shape is larger and [x.effect.name for x in found.named.fitted.effects] == ["coulomb_asymmetry"]
     assert [x.effect.name for x in found.selected.fitted.effects] == ["cogging", "coulomb_asymmetry"]
+
+
+def test_what_a_form_leaves_over_its_coordinate_counts_where_it_is_no_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A friction over the position, of which a function of the position is left; what that leaves is an unknown."""
+    both, one = frozenset({"position_friction", "coulomb_asymmetry"}), frozenset({"coulomb_asymmetry"})
+    larger = shape("position")
+    found = named_beside(monkeypatch, {both: None, one: larger}, shape("position"), "position_friction")
+    assert found.selected.probability == {"position_friction": 0.1, "coulomb_asymmetry": 0.9}
+    assert found.shape is larger
+
+
+def test_a_wave_stands_by_its_line_whatever_harmonics_it_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = named_beside(monkeypatch, {frozenset({"cogging", "coulomb_asymmetry"}): None}, shape("position"))
+    assert found.shape is None and set(found.selected.probability.values()) == {0.9}
