@@ -83,11 +83,6 @@ class ScopeView:
         self.held: Capture | None = None
 
     @property
-    def done(self) -> bool:
-        """Whether a single capture has been taken."""
-        return self._scope.done
-
-    @property
     def waiting(self) -> tuple[float, float] | None:
         """Between what the trigger's channel has stayed, in its unit, while it does not trigger; None: no trigger."""
         trigger, (low, high) = self._scope.settings.trigger, self._scope.seen
