@@ -37,7 +37,6 @@ class Posterior(NamedTuple):
     """What is known of the parameters after the data."""
 
     mean: Vector  # (n,)
-    covariance: Matrix  # (n, n)
     log_evidence: float  # log of the integral over the parameters, less the constant of the rows' number
 
 
@@ -53,8 +52,7 @@ def posterior(sums: Sums, prior: Prior) -> Posterior:
     same such parameters.  Raises numpy.linalg.LinAlgError where neither prior nor data determine a parameter.
     """
     alone = posteriors(Sums(sums.gram, sums.right[:, None], np.atleast_1d(sums.square)), prior)
-    identity = np.eye(len(alone.mean))
-    return Posterior(alone.mean[:, 0], cho_solve(alone.factor, identity), float(alone.log_evidence[0]))
+    return Posterior(alone.mean[:, 0], float(alone.log_evidence[0]))
 
 
 class Posteriors(NamedTuple):

@@ -58,8 +58,7 @@ class CutFit(NamedTuple):
 
     drifts: tuple[ParameterDrift, ...]
     named: tuple[NamedDrift, ...]
-    before: float  # root mean square of the residual
-    after: float  # with the named effects
+    after: float  # root mean square of the residual, with the named effects
 
 
 class TwinStatus(NamedTuple):
@@ -67,7 +66,6 @@ class TwinStatus(NamedTuple):
 
     time: float  # s of the run
     covered: float  # s of data in the window
-    informative: int  # blocks of it
     controller: float | None  # A, largest difference of the command; None: not known
     drive: float | None  # A rms; None: no measured current
     mechanics: float  # N m | N, rms
@@ -97,7 +95,6 @@ def status_of(p: Twin, blocks: Sequence[TwinBlock]) -> TwinStatus:
     return TwinStatus(
         blocks[-1].time,
         rows * p.dt,
-        len(informative),
         max(differences) if len(differences) == len(blocks) else None,
         _rms(drives) if drives else None,
         _rms([block.mechanics for block in blocks]),
@@ -112,7 +109,7 @@ def fit(candidates: Sequence[TwinCandidate], blocks: Sequence[NormalEquations]) 
     free = [k for k, candidate in enumerate(candidates) if candidate.name != "force_constant"]
     named, rest = _names(candidates, blocks)
     count = sum(block.rows for block in blocks)
-    return CutFit(drifts(candidates, blocks, free), named, _rms(blocks), math.sqrt(max(rest, 0.0) / count))
+    return CutFit(drifts(candidates, blocks, free), named, math.sqrt(max(rest, 0.0) / count))
 
 
 def drifts(

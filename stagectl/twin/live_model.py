@@ -33,7 +33,6 @@ class Twin(NamedTuple):
     """One axis and what runs next to it."""
 
     law: law.Law
-    stage: stage.Stage
     dt: float  # s
     tracker: feedback.Pid
     mechanics: tuple[TwinCandidate, ...]  # `models` holds them in this order, behind the nominal one
@@ -83,7 +82,6 @@ def twin_of(running: law.Law, p: stage.Stage, dt: float) -> Twin:
     changes = candidates.of_mechanics(smooth, dt)
     return Twin(
         running,
-        p,
         dt,
         model_tracking.tracker(p, dt),
         tuple(candidate for candidate, _ in changes),

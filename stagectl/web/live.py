@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.recording.extremes import Extremes, extremes
-from stagectl.recording.joined_rings import Source
-from stagectl.recording.ring import Ring
+from stagectl.recording.ring import Ring, Source
 from stagectl.recording.triggering import Capture, Scope, Settings
 from stagectl.web.channels import Channel
 
@@ -82,11 +81,6 @@ class ScopeView:
         self._ring, self._dt, self._points, self._scale = ring, dt, window.points, Scale(window.channels)
         self._scope = Scope(settings, ring.written)
         self.held: Capture | None = None
-
-    @property
-    def done(self) -> bool:
-        """Whether a single capture has been taken."""
-        return self._scope.done
 
     @property
     def waiting(self) -> tuple[float, float] | None:

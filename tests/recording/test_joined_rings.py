@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.recording.joined_rings import Joined, ahead
-from stagectl.recording.ring import Ring
+from stagectl.recording.ring import Joined, Ring, ahead
 
 
 class Moment:

@@ -24,7 +24,6 @@ class Drive(NamedTuple):
 
     share: float  # of its variance; 0 to 1
     sign: float  # -1 where it opposes acceleration and velocity
-    friction: float  # share of the explained part that is even a constant force against the motion
 
 
 def blocks_of(time: Array) -> Blocks:
@@ -68,7 +67,7 @@ def drives(blocks: Blocks, speed: Array, column: Array) -> Drive:
     spread = float(force @ force)
     fastest = float(np.abs(speed).max(initial=0.0))
     if spread == 0.0 or fastest == 0.0:
-        return Drive(0.0, 1.0, 0.0)
+        return Drive(0.0, 1.0)
     acceleration = np.gradient(speed) / np.gradient(np.cumsum(blocks.duration))
     parts = np.column_stack([acceleration, speed, np.tanh(speed / (constants.GUESS_SLOW * fastest))])
     parts = _without(way, parts)
@@ -78,7 +77,7 @@ def drives(blocks: Blocks, speed: Array, column: Array) -> Drive:
     explained = parts @ weights
     largest = float(np.abs(weights).max())
     sign = float(np.sign(weights[np.abs(weights) >= 0.5 * largest].sum())) or 1.0
-    return Drive(float(explained @ explained) / spread, sign, float(abs(weights[2])) / largest if largest else 0.0)
+    return Drive(float(explained @ explained) / spread, sign)
 
 
 def _without(way: Array, columns: Array) -> Array:
