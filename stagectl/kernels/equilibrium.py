@@ -81,9 +81,9 @@ def efforts(p: Stage, position: float, time: float, behind: float) -> tuple[floa
 @kernel
 def _limits(p: Stage, position: float, time: float, driving: float, load: float) -> tuple[float, float]:
     """What slips at rest, as factors on bristle (without its own Stribeck) and operators."""
-    held = friction_effects.held(p.friction, time, 1.0)
+    held = friction_effects.held(p.friction, 1.0)
     angle = effects.TURN / p.mechanics.pitch * position
-    place = held.drift * friction_effects.place_factor(
+    place = effects.drifting(p.friction.warming, p.friction.step, time) * friction_effects.place_factor(
         p.friction.along, p.friction.lead, p.friction.ball_pass, (position, angle)
     )
     pressed = p.friction.load * abs(driving) / held.coulomb if held.coulomb > 0.0 else 0.0

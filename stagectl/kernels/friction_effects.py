@@ -24,10 +24,9 @@ from stagectl.kernels.plant import Along, Dwell, Friction
 
 
 class Held(NamedTuple):
-    """What holds during one drift; without the arrays, which cost a count of references wherever they go."""
+    """What holds at every step; without the arrays, which cost a count of references wherever they go."""
 
     h: float  # s, integration step
-    drift: float  # factor of warming and step
     learns: float  # share of the velocity's change that Stribeck's factor takes in one step
     coulomb: float  # N m | N, all that can slip
     length: float  # rad | m, mean slip
@@ -66,8 +65,8 @@ def neutral(p: Friction) -> bool:
 
 
 @kernel
-def held(p: Friction, time: float, h: float) -> Held:
-    """At the session clock `time` (s), for steps of `h` (s)."""
+def held(p: Friction, h: float) -> Held:
+    """For steps of `h` (s)."""
     coulomb, lengths = p.bristle.coulomb, p.bristle.coulomb * p.bristle.coulomb / p.bristle.stiffness
     for j in range(len(p.operators.weight)):
         coulomb += p.operators.weight[j]
@@ -76,9 +75,8 @@ def held(p: Friction, time: float, h: float) -> Held:
     if p.lag > 0.0:
         learns = -math.expm1(-h / p.lag)
     length = lengths / coulomb if coulomb > 0.0 else 1.0
-    drift = effects.drifting(p.warming, p.step, time)
     wiping = p.dwell.length if p.dwell.length > 0.0 else length
-    return Held(h, drift, learns, coulomb, length, wiping, p.stribeck, p.bristle, p.asymmetry, p.dwell, p.load)
+    return Held(h, learns, coulomb, length, wiping, p.stribeck, p.bristle, p.asymmetry, p.dwell, p.load)
 
 
 @kernel
@@ -95,11 +93,11 @@ def place_factor(along: Along, lead: effects.Harmonic, balls: effects.Harmonic, 
 
 @kernel
 def limits(c: Held, x: Contact, velocity: float, place: float, effort: float) -> Limits:
-    """At a velocity, with the factor of the `place`, under a motor effort (N m | N)."""
+    """At a velocity, with the factor of the `place` and the temperature there, under a motor effort (N m | N)."""
     lagged = velocity
     if c.learns < 1.0:
         lagged = x.lagged + c.learns * (velocity - x.lagged)
-    factor, pressed = c.drift * place, 0.0
+    factor, pressed = place, 0.0
     if c.dwell.rise != 0.0:
         factor *= 1.0 + c.dwell.rise * math.log1p(x.rested / c.dwell.time)
     if c.load != 0.0 and c.coulomb > 0.0:

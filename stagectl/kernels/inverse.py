@@ -45,9 +45,9 @@ def along(p: Stage, x: State, motion: Any, h: float, out: Any) -> State:
     `motion` has position, velocity and acceleration of the motor in axis units, from the position of `x` on.  `h` is
     the time between its rows (s), short enough for the model (`transmission.finer`).
     """
+    held = friction_effects.held(p.friction, h)
     for k in range(len(motion)):
         masses = transmission.coefficients(p.mechanics, x.memory.time, h)
-        held = friction_effects.held(p.friction, x.memory.time, h)
         row = motion[k]
         given = _Given(row[0], row[1], row[2])
         opposed = _opposed(p, (masses, held), x, given)
@@ -82,7 +82,7 @@ def _opposed(
     velocity = (
         given.velocity + masses.share * (m.load_velocity - given.velocity) if masses.load > 0.0 else given.velocity
     )
-    place = friction_effects.place_factor(
+    place = effects.drifting(p.friction.warming, p.friction.step, m.time) * friction_effects.place_factor(
         p.friction.along,
         p.friction.lead,
         p.friction.ball_pass,

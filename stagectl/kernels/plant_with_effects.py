@@ -96,17 +96,23 @@ def driven(
     return drive_effects.meant(delay, commands, begun, span, since)
 
 
+class Steps(NamedTuple):
+    """What holds at all steps of one length."""
+
+    number: int  # in a drift
+    loop: drive_effects.Loop  # over half a step
+    contact: friction_effects.Held
+
+
 class _Kept(NamedTuple):
     """What holds during one drift."""
 
-    steps: int
-    loop: drive_effects.Loop  # over half a step
+    drift: float  # factor of the friction's temperature
     limit: float  # A
     delay: tuple[int, float]  # nd, dead time in s
     extra: float  # A, noise
     turn: float  # rad of the pitch per rad | m
     masses: transmission.Coefficients
-    contact: friction_effects.Held
 
 
 class _Moving(NamedTuple):
@@ -122,25 +128,29 @@ class _Moving(NamedTuple):
 
 
 @kernel
-def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State:
+def steps(p: Stage, dt: float, substeps: int) -> Steps:
+    """`substeps` of a drift of `dt` (s), or as many as the fastest mode needs."""
+    number = substeps * transmission.finer(p.mechanics, dt / substeps)
+    h = dt / number
+    return Steps(number, drive_effects.loop(p.drive, 0.5 * h), friction_effects.held(p.friction, h))
+
+
+@kernel
+def drifted(p: Stage, x: State, noise: Noise, dt: float, steps: Steps) -> State:
     """The plant `dt` (s) later, under the commands that act."""
-    m = x.memory
-    steps = substeps * transmission.finer(p.mechanics, dt / substeps)
-    h = dt / steps
+    m, friction = x.memory, p.friction
     kept = _Kept(
-        steps,
-        drive_effects.loop(p.drive, 0.5 * h),
+        effects.drifting(friction.warming, friction.step, m.time),
         drive_effects.folded(p.drive, m.heat),
         (p.drive.delay_samples, max(p.drive.dead_time + noise.delay, 0.0)),
         noise.current,
         effects.TURN / p.mechanics.pitch,
-        transmission.coefficients(p.mechanics, m.time, h),
-        friction_effects.held(p.friction, m.time, h),
+        transmission.coefficients(p.mechanics, m.time, steps.contact.h),
     )
     bodies = Bodies(x.position, x.velocity, m.load, m.load_velocity, m.base, m.base_velocity)
     contact = friction_effects.Contact(x.force, x.bristle, m.lagged, m.rested)
     path = Path(m.cable, m.turned, m.furthest, m.direction)
-    y = _stepped(p, kept, x, _Moving(m.time, x.current, m.rate, m.acting, bodies, contact, path))
+    y = _stepped(p, (steps, kept), x, _Moving(m.time, x.current, m.rate, m.acting, bodies, contact, path))
     heat = drive_effects.heated(p.drive, m.heat, y.current, dt)
     b, c, w = y.bodies, y.contact, y.path
     memory = Memory(
@@ -151,18 +161,18 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
 
 
 @kernel
-def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
+def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Moving:
     """All steps of one drift: kick, drift, kick."""
     current, rate, acting, bodies, contact, path = y.current, y.rate, y.acting, y.bodies, y.contact, y.path
-    later, faster, mean = c.loop
-    drive, mechanics, operators, stops, h = p.drive, p.mechanics, p.friction.operators, x.stops, c.contact.h
+    (number, (later, faster, mean), held), c = given
+    drive, mechanics, operators, stops, h = p.drive, p.mechanics, p.friction.operators, x.stops, held.h
     along, lead, balls, code = p.friction.along, p.friction.lead, p.friction.ball_pass, p.residual.coordinate
-    lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, TURN_SHARE * c.contact.length
+    lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, TURN_SHARE * held.length
     at = motoring(motor, c.turn * bodies.position)
     against = transmission.pulled(mechanics, bodies.load, path.cable)
     if code != effects.NONE:
         against += effects.looked_up(p.residual, coordinate(code, mechanics.pitch, bodies, path, (current, y.time)))
-    for k in range(c.steps):
+    for k in range(number):
         time = y.time + k * h
         target, acting = driven(drive, lines, c.delay, (time, time + h), acting)
         target = drive_effects.limited(drive, target, c.limit, bodies.velocity)
@@ -177,10 +187,10 @@ def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
         error, rate = error * later[0] + rate * later[1], error * faster[0] + rate * faster[1]
         current = target + error
         velocity = bodies.velocity + c.masses.share * (bodies.load_velocity - bodies.velocity)
-        place = friction_effects.place_factor(along, lead, balls, (bodies.position, angle))
-        limits = friction_effects.limits(c.contact, contact, velocity, place, driving)
+        place = c.drift * friction_effects.place_factor(along, lead, balls, (bodies.position, angle))
+        limits = friction_effects.limits(held, contact, velocity, place, driving)
         force = friction.stops_between(operators, stops, h * velocity, limits.low, limits.high)
-        contact = friction_effects.slid(c.contact, contact, limits, force, h * velocity)
+        contact = friction_effects.slid(held, contact, limits, force, h * velocity)
         path = pulled_along(path, mechanics.cable.slip, bodies.load - load)
         against = transmission.pulled(mechanics, bodies.load, path.cable)
         if code != effects.NONE:
@@ -188,7 +198,7 @@ def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
             now = coordinate(code, mechanics.pitch, bodies, path, (current, time + h))
             against += effects.looked_up(p.residual, now)
         bodies = transmission.kicked(mechanics, c.masses, bodies, (driving + at.cogging, bias - against, contact.force))
-    return _Moving(y.time + c.steps * h, current, rate, acting, bodies, contact, path)
+    return _Moving(y.time + number * h, current, rate, acting, bodies, contact, path)
 
 
 @kernel

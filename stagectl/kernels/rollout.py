@@ -43,7 +43,7 @@ def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: i
     runs, then the plant takes its command: with `delay_samples` = nd this is the order of the real cycle.
     """
     setpoints, noises, rows = inputs
-    x = law.AT_REST
+    x, steps = law.AT_REST, stage.steps(p.stage, dt, substeps)
     for k in range(len(setpoints)):
         r = setpoints[k]
         setpoint = law.Setpoint(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])
@@ -58,16 +58,16 @@ def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: i
         rows[k, _OBSERVED] = measured
         rows[k, _OBSERVED + 1] = plant.position
         rows[k, _OBSERVED + 2] = stage.reported(p.stage.drive, plant, dt)
-        plant = stage.period(p.stage, plant, output.current, noise, dt, substeps)
+        plant = stage.period_of(p.stage, plant, output.current, noise, steps)
     return plant
 
 
 @kernel
 def carried(p: stage.Stage, x: stage.State, currents: Any, dt: float, substeps: int) -> tuple[float, float, float]:
     """Lowest and highest position (rad | m) and largest speed while `currents` (n,) A drive the stage in open loop."""
-    low, high, speed = x.position, x.position, abs(x.velocity)
+    low, high, speed, steps = x.position, x.position, abs(x.velocity), stage.steps(p, dt, substeps)
     for k in range(len(currents)):
-        x = stage.period(p, x, currents[k], stage.SILENT, dt, substeps)
+        x = stage.period_of(p, x, currents[k], stage.SILENT, steps)
         low, high, speed = min(low, x.position), max(high, x.position), max(speed, abs(x.velocity))
     return low, high, speed
 

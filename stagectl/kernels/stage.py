@@ -47,13 +47,23 @@ from stagectl.kernels.plant import State as State
 
 
 class _Coefficients(NamedTuple):
-    """Exact solution of the linear parts over half an integration step."""
+    """Exact solution of the linear parts of a plant without effects over half an integration step."""
 
     h: float  # s, whole step
     lag: float  # decay of the current error in half a step
     lag_mean: float  # its mean over that half step
     damping: float  # decay of the velocity
     gain: float  # velocity per effort
+
+
+class Steps(NamedTuple):
+    """How the plant is integrated over `dt`, and what holds at all its steps: the same in every period."""
+
+    dt: float  # s
+    number: int
+    plain: bool  # whether no effect is at work
+    without_effects: _Coefficients
+    with_effects: plant_with_effects.Steps
 
 
 def at_rest(p: Stage, position: float = 0.0, time: float = 0.0) -> State:
@@ -145,6 +155,19 @@ def _coefficients(p: Mechanics, current_lag: float, h: float) -> _Coefficients:
 
 
 @kernel
+def steps(p: Stage, dt: float, substeps: int) -> Steps:
+    """`substeps` of `dt` (s)."""
+    plain = drive_effects.neutral(p.drive) and plant_with_effects.smooth(p.motor) and transmission.neutral(p.mechanics)
+    return Steps(
+        dt,
+        substeps,
+        plain and friction_effects.neutral(p.friction) and p.residual.coordinate == effects.NONE,
+        _coefficients(p.mechanics, p.drive.current_lag, dt / substeps),
+        plant_with_effects.steps(p, dt, substeps),
+    )
+
+
+@kernel
 def _plain(p: Stage, x: State, target: float, extra: float, c: _Coefficients, substeps: int) -> State:
     """Kick, drift, kick (velocity Verlet), exact in current loop and viscous part.
 
@@ -193,18 +216,15 @@ def _noted(m: Memory, current: float) -> Memory:
 @kernel
 def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State:
     """The plant `dt` (s) later, under the command that acts."""
-    # Asked once a period, not at every step: neutral costs nothing.
-    plain = drive_effects.neutral(p.drive) and plant_with_effects.smooth(p.motor) and transmission.neutral(p.mechanics)
-    if not (plain and friction_effects.neutral(p.friction) and p.residual.coordinate == effects.NONE):
-        return plant_with_effects.drifted(p, x, noise, dt, substeps)
-    return _plain(
-        p,
-        x,
-        delivered(p.drive, x.commands),
-        noise.current,
-        _coefficients(p.mechanics, p.drive.current_lag, dt / substeps),
-        substeps,
-    )
+    return stepped(p, x, noise, steps(p, dt, substeps))
+
+
+@kernel
+def stepped(p: Stage, x: State, noise: Noise, c: Steps) -> State:
+    """`drifted`, with what holds at all steps known beforehand."""
+    if not c.plain:  # asked once a period, not at every step: neutral costs nothing
+        return plant_with_effects.drifted(p, x, noise, c.dt, c.with_effects)
+    return _plain(p, x, delivered(p.drive, x.commands), noise.current, c.without_effects, c.number)
 
 
 @kernel
@@ -223,7 +243,13 @@ def latched(p: Stage, x: State) -> State:
 @kernel
 def period(p: Stage, x: State, command: float, noise: Noise, dt: float, substeps: int) -> State:
     """Advance the plant by one control period `dt` (s) under a held `command` (A)."""
-    return latched(p, drifted(p, commanded(p.drive, x, command), noise, dt, substeps))
+    return period_of(p, x, command, noise, steps(p, dt, substeps))
+
+
+@kernel
+def period_of(p: Stage, x: State, command: float, noise: Noise, c: Steps) -> State:
+    """`period`, with what holds at all steps known beforehand: in a loop over many."""
+    return latched(p, stepped(p, commanded(p.drive, x, command), noise, c))
 
 
 @kernel

@@ -40,11 +40,12 @@ class State(NamedTuple):
 
 @kernel
 def step(
-    p: Tied, x: State, row: tuple[float, float], path: Any, dt: float, substeps: int
+    p: Tied, x: State, row: tuple[float, float], path: Any, dt: float, c: stage.Steps
 ) -> tuple[float, float, State]:
     """One period under `row` = (command A, current A; NaN: not measured), along `path` (m,): positions of m ticks.
 
-    Of a single tick the position is that which the encoder reports at its begin, of many that where the machine is.
+    It lasts `dt` (s), and a tick goes in the steps `c`.  Of a single tick the position is that which the encoder
+    reports at its begin, of many that where the machine is.
     Returns the mean correction (A), the current that the drive gives (A), and the state at the end of the period.
     """
     command, current = row
@@ -56,7 +57,7 @@ def step(
         reached = stage.measured(p.stage.encoder, plant, stage.SILENT) if ticks == 1 else stage.seen(p.stage, plant)
         terms, tracker = feedback.step(p.tracker, tracker, path[tick] - reached)
         correction = terms.proportional + terms.integral + terms.derivative
-        plant = stage.drifted(p.stage, plant, stage.Noise(correction + missing, 0.0, 0.0), dt / ticks, substeps)
+        plant = stage.stepped(p.stage, plant, stage.Noise(correction + missing, 0.0, 0.0), c)
         corrections += correction
     return corrections / ticks, given, State(stage.latched(p.stage, plant), tracker)
 
@@ -68,6 +69,7 @@ def follow(p: Tied, x: State, inputs: Any, dt: float, substeps: int) -> State:
     `substeps` are those of a tick.  Fills `out`; returns the state at the end.
     """
     rows, path, out = inputs
+    steps = stage.steps(p.stage, dt / path.shape[1], substeps)
     for k in range(len(rows)):
-        out[k, 0], out[k, 1], x = step(p, x, (rows[k, 0], rows[k, 1]), path[k], dt, substeps)
+        out[k, 0], out[k, 1], x = step(p, x, (rows[k, 0], rows[k, 1]), path[k], dt, steps)
     return x

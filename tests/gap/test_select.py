@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import sensitivities
-from stagectl.gap.selection import drive_alikes, linearised, material, refine, select, waves
+from stagectl.gap.selection import drive_alikes, linearised, material, refine, select, starting_places, waves
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
@@ -116,3 +118,31 @@ def test_the_search_goes_on_without_an_effect_at_an_end_of_its_range(
 def test_a_drive_without_a_delay_is_at_no_end(time: float, expected: bool) -> None:
     effect = SimpleNamespace(name="dead_time", amplitudes=[SimpleNamespace(name="time", low=-1e-3, high=2e-3)])
     assert material.at_bound(cast("Any", SimpleNamespace(effect=effect, values={"time": time}))) == expected
+
+
+def test_the_place_where_a_fit_begins_is_looked_for_where_most_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every place on the short run that holds what is missing; on both runs only the best of them there."""
+    effect = SimpleNamespace(name="compliance", resonant=True, nonlinear=False)
+    forms = [SimpleNamespace(effect=effect, typical=(), values=lambda _, k=k: {"place": k}) for k in range(8)]
+    runs = [SimpleNamespace(rows=rows, weight=np.ones(2)) for rows in (100, 1000)]
+    left = [[np.full((2, 2), size)] for size in (3.0, 2.0)]
+    base = SimpleNamespace(before=left, after=left, products=SimpleNamespace(parts=left, _replace=SimpleNamespace))
+    base._replace = lambda **parts: SimpleNamespace(**{**vars(base), **parts})
+    tried: list[tuple[int, int]] = []
+
+    def refined(e: Any, _: Any, effects: Any, __: int) -> Any:
+        place = effects[-1].values["place"]
+        tried.append((len(e.runs), place))
+        on_all = {1: 5.0, 2: 4.0, 3: 6.0, 4: 7.0}
+        on_part = abs(place - 2.9) if place else math.nan  # the first diverges there, the fourth is the best
+        left = on_all[place] if len(e.runs) == 2 else on_part
+        return SimpleNamespace(effects=effects, residual_sum_of_squares=left)
+
+    monkeypatch.setattr(refine, "refine", refined)
+    e = refine.Evidence(cast("Any", runs), cast("Any", base), left)
+    now = SimpleNamespace(model=None, effects=(), residuals=left)
+    library = SimpleNamespace(forms=forms)
+    found = starting_places.starting_places(e, cast("Any", library), cast("Any", now))
+    assert [valued.values for valued in found] == [{"place": 2}]
+    assert sorted(place for count, place in tried if count == 1) == list(range(8))
+    assert sorted(place for count, place in tried if count == 2) == [1, 2, 3, 4]

@@ -68,7 +68,7 @@ def test_the_path_with_effects_is_the_plain_one_where_they_vanish(ball_screw: Se
         current = 3.0 * math.sin(0.05 * k)
         state = stage.period(p, state, current, stage.SILENT, DT, 10)
         other = stage.commanded(p.drive, other, current)
-        other = stage.latched(p, kernels.drifted(p, other, stage.SILENT, DT, 10))
+        other = stage.latched(p, kernels.drifted(p, other, stage.SILENT, DT, kernels.steps(p, DT, 10)))
     assert abs(state.position) > 1e-3
     assert other.position == pytest.approx(state.position, rel=1e-9)
     assert other.velocity == pytest.approx(state.velocity, rel=1e-9)
@@ -361,14 +361,15 @@ def test_friction_with_every_effect_never_gives_out_energy(ball_screw: Setup, br
         p = frictional(p, operators=NOTHING, bristle=law)
     rng, work, least = np.random.default_rng(3), 0.0, 0.0
     x = stage.at_rest(p._replace(motor=stage.Motor(KT), drive=ball_screw.stage.drive, residual=effects.NO_TABLE))
-    held = friction_effects.held(p.friction, 0.0, 5e-5)
+    held = friction_effects.held(p.friction, 5e-5)
+    drift = effects.drifting(p.friction.warming, p.friction.step, 0.0)
     contact, position, velocity = friction_effects.Contact(x.force, x.bristle, 0.0, 0.0), 0.0, 0.0
     begin = _stored(p, x.stops, x.bristle)
     for _ in range(20000):
         velocity = 0.999 * velocity + 0.02 * rng.normal()
         dx = 5e-5 * velocity
         position += dx
-        place = friction_effects.place_factor(
+        place = drift * friction_effects.place_factor(
             p.friction.along, p.friction.lead, p.friction.ball_pass, (position, position)
         )
         limits = friction_effects.limits(held, contact, velocity, place, 3.0 * rng.normal())

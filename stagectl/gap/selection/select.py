@@ -17,17 +17,16 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from stagectl.gap.effects.effect import DRIVE, Definition
+from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
 from stagectl.gap.selection.material import adequate, at_bound, explains, is_material, nearly_all, without
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.thresholds import RESONANT_STEPS
+from stagectl.gap.selection.starting_places import Starts, bends, starting_places
 
 Say = Callable[[str], None]
-Starts = Callable[[], Sequence[EffectValues]]  # places from which fits begin, found once: they take long
 
 
 class Selection(NamedTuple):
@@ -51,10 +50,10 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     now = refine.start(e)
     while len(now.effects) < constants.MOST_EFFECTS:
         now = drive_alikes.on_time(e, library, now)  # each time: what else is missing may hide it
-        starts = functools.cache(functools.partial(_starts, e, library, now))
+        tried = functools.cache(functools.partial(starting_places, e, library, now))
         after = (
-            _with_more(e, library, now, starts)
-            or _with_small(e, library, now, starts)
+            _with_more(e, library, now, tried)
+            or _with_small(e, library, now, tried)
             or waves.with_wave(e, library, now)
         )
         if after is None:
@@ -126,7 +125,7 @@ def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fi
         return None
     best, predicted = at.verdict.best(single), library.predict(e, now).cuts
     added = at.values(best)
-    bent = any(_bends(valued.effect) for valued in added)  # away from its place on the grid, its column explains little
+    bent = any(bends(valued.effect) for valued in added)  # away from its place on the grid, its column explains little
     if not bent and not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
         return None
     after = _grown(e, now, added, _if_bent(added, tried))
@@ -144,7 +143,7 @@ def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequ
     """
     if not added:
         return None
-    straight = [valued for valued in added if not _bends(valued.effect)]
+    straight = [valued for valued in added if not bends(valued.effect)]
     bent = [[start] for start in starts] if len(straight) < len(added) else [[]]
     grown = [refine.refine(e, now.model, joined(now.effects, [*straight, *start])) for start in bent]
     after = min(grown, key=lambda fitted: fitted.residual_sum_of_squares, default=now)
@@ -152,29 +151,7 @@ def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequ
 
 
 def _if_bent(added: Sequence[EffectValues], tried: Starts) -> Sequence[EffectValues]:
-    return tried() if any(_bends(valued.effect) for valued in added) else ()
-
-
-def _starts(e: Evidence, library: Library, now: Fitted) -> list[EffectValues]:
-    """Of each effect whose columns bend on the way, the place on its grid from which few steps explain most.
-
-    Far from its values the column of a soft belt looks like that of a gap or of a base that moves: only fits tell.
-    """
-    present = {other.effect.name for other in now.effects}
-    best: dict[str, Fitted] = {}
-    for form in (form for form in library.forms if _bends(form.effect) and form.effect.name not in present):
-        effects, name = [*now.effects, EffectValues(form.effect, form.values(form.typical))], form.effect.name
-        sharp = form.effect.resonant
-        after = (
-            refine.refine(e, now.model, effects, RESONANT_STEPS) if sharp else refine.first_step(e, now.model, effects)
-        )
-        if after.residual_sum_of_squares < (best[name].residual_sum_of_squares if name in best else math.inf):
-            best[name] = after
-    return [fitted.effects[-1] for fitted in best.values()]
-
-
-def _bends(effect: Definition) -> bool:
-    return effect.resonant or effect.nonlinear
+    return tried() if any(bends(valued.effect) for valued in added) else ()
 
 
 def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> list[EffectValues]:

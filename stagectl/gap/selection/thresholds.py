@@ -38,6 +38,9 @@ SCALED_CHANGE = 0.1  # share by which a parameter that varies with time is chang
 # Gauss-Newton steps from each place on the grid of a resonance.  One step towards a belt of 30 Hz ends worse from 27
 # and 40 Hz than from 600 Hz; after three the nearest places are the best, by a third of the misfit.
 RESONANT_STEPS = 3
+# Of what is missing: on the runs that hold it the places are compared, and the best few of them on all; chosen.  Of 44
+# places of a session with a gap, the best four on a fifth of its rows hold the three that are best on all.
+MISSING_SHARE, PROMISING_PLACES = 0.4, 4
 REFINEMENT_STEPS = 12  # Gauss-Newton steps at most: three left a third of the misfit of a nonlinear viscous friction
 STEP_SHARES = (1.0, 0.4, 0.1)  # of a Gauss-Newton step, tried until one improves the fit
 SHAPE_FACTOR = 1.6  # by which a shape may change in one step

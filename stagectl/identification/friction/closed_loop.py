@@ -120,7 +120,7 @@ def _run(p: stage.Stage, servo: Servo, start: Any, reference: Any, rows: Any, st
     """Fill `rows` (n, 2): measured position and current; `start` is the plant and the servo's two memories."""
     x, last, mean = start
     dt, substeps = steps
-    silent = stage.Noise(0.0, 0.0, 0.0)
+    silent, held = stage.Noise(0.0, 0.0, 0.0), stage.steps(p, dt, substeps)
     for k in range(len(reference)):
         measured = stage.measured(p.encoder, x, silent)
         now = 0.5 * (measured + last)
@@ -128,4 +128,4 @@ def _run(p: stage.Stage, servo: Servo, start: Any, reference: Any, rows: Any, st
         current = min(max(current, -servo.current_limit), servo.current_limit)
         last, mean = measured, now
         rows[k, 0], rows[k, 1] = measured, current
-        x = stage.period(p, x, current, silent, dt, substeps)
+        x = stage.period_of(p, x, current, silent, held)
