@@ -324,10 +324,10 @@ def test_a_sine_of_a_few_encoder_steps_is_no_axis_at_rest(ball_screw: Setup) -> 
     """What counts is whether its acceleration is seen: 26 steps of a sine are 90 deviations of their rounding."""
     fine = capture(ball_screw.stage, sine(5.0, 1.0, 4.0, 1e-4), 1e-4, Sensor())
     step = float(np.ptp(fine.position)) / 26.0
-    steps = np.asarray(np.round(fine.position / step), dtype=np.float64)
-    coarse = fine._replace(position=step * steps, encoder_step=step)
+    steps: Column = np.round(fine.position / step).astype(np.float64)
+    coarse = fine._replace(position=np.asarray(step * steps, dtype=np.float64), encoder_step=step)
     assert conditions.checked(coarse, ball_screw.file) is coarse
-    dithering = coarse._replace(position=step * (np.arange(len(steps)) % 2.0))
+    dithering = coarse._replace(position=np.asarray(step * (np.arange(len(steps)) % 2), dtype=np.float64))
     with pytest.raises(IdentificationError) as refusal:
         conditions.checked(dithering, ball_screw.file)
     assert refusal.value.reason is Refusal.AT_REST
