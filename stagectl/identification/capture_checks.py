@@ -209,8 +209,14 @@ def _frozen(capture: Capture, setup: Setup) -> list[Note]:
 
 
 def _swapped(capture: Capture) -> list[Note]:
-    """A reference in steps beside a position without any: only what an encoder measured comes in steps."""
+    """A reference in steps beside a position without any, which it follows: what an encoder measured comes in steps.
+
+    So does a reference that a controller rounds to counts; but that one leads.
+    """
     if capture.reference is None or _position_step(capture.position) or not _position_step(capture.reference):
+        return []
+    ahead = (capture.position - capture.reference)[:-1] @ np.diff(capture.position)
+    if ahead < 0.0:
         return []
     step = _position_step(capture.reference)
     words = f"its reference comes in steps of {step:.3g}, as of an encoder, its position in none: the two are swapped"

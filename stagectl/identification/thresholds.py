@@ -162,7 +162,6 @@ SERVO_SUBSTEPS = 20  # of the integration in a sampling time; half the step chan
 
 # Simultaneous: what a record must contain.  Chosen.
 SHORTEST_RECORD = 0.2  # s
-STROKE_NOISE = 100.0  # standard deviations of the position's noise that a motion must exceed
 REVERSAL_TRAVEL = 0.05  # of the stroke, travel on both sides of a reversal
 SLOW_MOTION, WEAK_ACCELERATION = 0.02, 0.05  # of the largest: below it a velocity or an acceleration has no sign
 SIGNIFICANT_ACCELERATION = 4.0  # standard deviations of its noise that an acceleration must exceed
@@ -255,6 +254,7 @@ FORM_ERROR = 2e-3  # of the Coulomb friction: what the columns leave of a law, a
 OTHER_LOOP = 3.0**-0.5  # of the answer of the stage file's loop to noise: deviation of a share from 0 to 2, evenly
 FORM_VALUES = 16.0  # values that an error of form is worth; calibrated on simulated axes of five laws
 BANDS, LEAST_FREEDOM = 8, 1e-3  # of frequency that must agree, the last shows noise; least of a variance that they tell
+BEYOND_NOISE = 3.0 / 0.6745  # of the residual's median size: three standard deviations of normal noise
 FAR_ROWS = 30  # rows over which the window and a slow residual correlate
 SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen
 

@@ -297,6 +297,18 @@ def test_a_reference_comes_in_steps_only_where_it_was_measured(columns: dict[str
     assert Topic.REFERENCE not in topics(tuple(suspicions(swapped._replace(reference=start), ball_screw)))
 
 
+@pytest.mark.parametrize("late", [-3, 3])
+def test_a_reference_rounded_to_counts_leads_the_position(
+    columns: dict[str, Array], ball_screw: Setup, late: int
+) -> None:
+    """What comes in steps is the position where it is behind, and the reference where it is ahead."""
+    (capture,) = prepared([recording(columns)], ball_screw)
+    smooth = np.array(columns["measured"]) + 1e-9 * np.sin(np.arange(len(columns["measured"])))
+    shifted = capture._replace(position=np.roll(smooth, late)[5:-5], reference=capture.position[5:-5])
+    shifted = shifted._replace(current=capture.current[5:-5], time=capture.time[5:-5])
+    assert (Topic.REFERENCE in topics(tuple(suspicions(shifted, ball_screw)))) == (late < 0)
+
+
 def test_a_flat_top_is_no_clipping_by_itself() -> None:
     """A sine in steps of 4 mA, friction that saturates; cut off at 0.6 and at 0.95 of the amplitude."""
     time = np.arange(20000) * DT

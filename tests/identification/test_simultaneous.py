@@ -14,6 +14,7 @@ from stagectl.config.stage_file import Setup, load_stage
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.result import IdentificationResult, Note, Topic, topics
+from stagectl.identification.simultaneous import conditions, temper
 from stagectl.identification.simultaneous.method import identify
 from stagectl.kernels import friction, stage
 from stagectl.kernels.effects import Harmonic
@@ -317,6 +318,30 @@ def test_a_capture_that_breaks_the_conditions_is_refused(ball_screw: Setup, kind
     with pytest.raises(IdentificationError) as caught:
         identify([record], ball_screw.file, 0.0)
     assert (caught.value.reason, caught.value.capture) == (reason, record.name)
+
+
+def test_a_sine_of_a_few_encoder_steps_is_no_axis_at_rest(ball_screw: Setup) -> None:
+    """What counts is whether its acceleration is seen: 26 steps of a sine are 90 deviations of their rounding."""
+    fine = capture(ball_screw.stage, sine(5.0, 1.0, 4.0, 1e-4), 1e-4, Sensor())
+    step = float(np.ptp(fine.position)) / 26.0
+    steps: Column = np.round(fine.position / step).astype(np.float64)
+    coarse = fine._replace(position=np.asarray(step * steps, dtype=np.float64), encoder_step=step)
+    assert conditions.checked(coarse, ball_screw.file) is coarse
+    dithering = coarse._replace(position=np.asarray(step * (np.arange(len(steps)) % 2), dtype=np.float64))
+    with pytest.raises(IdentificationError) as refusal:
+        conditions.checked(dithering, ball_screw.file)
+    assert refusal.value.reason is Refusal.AT_REST
+
+
+def test_rows_beyond_the_noise_widen_what_rests_on_them() -> None:
+    """Sixty reversals with an error that is no noise, of a value that they tell and of one that the others tell."""
+    rng = np.random.default_rng(3)
+    residual, there = rng.normal(size=2000), np.zeros(2000)
+    there[rng.choice(2000, 60, replace=False)] = 1.0
+    wrong = residual + 10.0 * there * rng.choice([-1.0, 1.0], 2000)
+    factors = [temper.of_sum(rows, wrong, 3.0) / temper.of_sum(rows, residual, 3.0) for rows in (there, 1.0 - there)]
+    assert factors[0] > 150.0 and factors[1] < 1.2  # the scatter alone makes it a hundred times as large
+    assert temper.of_sum(np.ones(2000), residual, 3.0) == pytest.approx(3.0 * 2000.0, rel=0.15)
 
 
 def test_no_capture_is_refused(ball_screw: Setup) -> None:

@@ -49,14 +49,15 @@ def _check_motion(capture: Capture, file: StageFile) -> None:
             admissible=f"[{thresholds.SHORTEST_RECORD:g}, inf)",
         )
     stroke, noise = float(np.ptp(capture.position)), position_noise(capture)
-    if stroke <= thresholds.STROKE_NOISE * noise or stroke == 0.0:
+    span = 2.0 * math.sqrt(2.0 * math.log(len(capture.position)))  # of as many normal values, in their deviations
+    if stroke <= span * noise or stroke == 0.0:
         raise IdentificationError(
             f"the axis is at rest: it moves by {_travel(stroke, file)}, {stroke / max(noise, 1e-300):.3g} times "
-            f"the noise of its position; must be more than {thresholds.STROKE_NOISE:g} times: record a motion with "
+            f"the noise of its position; must be more than {span:.2g} times: record a motion with "
             "reversals",
             Refusal.AT_REST,
             value=stroke / max(noise, 1e-300),
-            admissible=f"({thresholds.STROKE_NOISE:g}, inf)",
+            admissible=f"({span:.2g}, inf)",
         )
 
 

@@ -31,10 +31,10 @@ from scipy.linalg import cho_solve
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.design import Control
-from stagectl.identification import standard_errors, thresholds
+from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.result import Parameter
-from stagectl.identification.simultaneous import agreement
+from stagectl.identification.simultaneous import agreement, temper
 from stagectl.identification.simultaneous.evidence import Answer
 from stagectl.identification.simultaneous.model import DelayPrior, Problem
 from stagectl.identification.simultaneous.regressors import (
@@ -183,9 +183,7 @@ def _scatter(p: Problem, answer: Answer, sums: Array, delay: _Delay, residual: A
     influence = np.vstack([answer.power * direct @ p.white.T, np.zeros(len(late))]) + np.outer(delay.parameters, late)
     kept = p.whitening.kept
     bands = [agreement.variance(of, residual, more, kept) for of, more in zip(influence, added.tolist(), strict=True)]
-    ends = np.cumsum(kept)[:-1]
-    rows = [float(standard_errors.of_sum((of * residual)[:, None], ends)[0, 0]) for of in influence]
-    return np.maximum(bands, rows)
+    return np.maximum(bands, [temper.of_sum(of, residual, answer.worth) for of in influence])
 
 
 def _added_by_noise(p: Problem, answer: Answer, sums: Array, delay: _Delay, shift: Array) -> Array:

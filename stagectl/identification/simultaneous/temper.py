@@ -17,6 +17,17 @@ def worth(residual: Array, form_share: float) -> float:
     return near + len(residual) * form_share / thresholds.FORM_VALUES
 
 
+def of_sum(influence: Array, residual: Array, worth: float) -> float:
+    """Variance of the sum of the `influence` (n,) times the whitened `residual` (n,), of which `worth` rows are one.
+
+    Friction changes at a reversal, and there a law is wrong.  No time later does such an error of form come back if the
+    motion does not.  So rows that are too far off for the noise of the others hold `FORM_VALUES` values together.
+    """
+    squares, size = (influence * residual) ** 2, np.abs(residual)
+    off = size > thresholds.BEYOND_NOISE * np.median(size)
+    return float(worth * squares.sum() + off.sum() / thresholds.FORM_VALUES * squares[off].sum())
+
+
 def form_share(p: Problem, residual: Array, variance: float, theta: Array) -> float:
     """Share of the residual's `variance` that is an error of form, which does not average out.
 
