@@ -115,7 +115,7 @@ def _path(place: PathLike | None) -> Path | None:
 
 
 def _with_twin(motion: Motion, record: PathLike | None, say: Say) -> Motion:
-    from stagectl.twin.process import companion
+    from stagectl.twin.start import companion
 
     say("starting the twin: some seconds, and longer once for each version, while its kernels are compiled")
     return motion._replace(companion=companion(motion.setup, motion.law, motion.recording, _path(record)))

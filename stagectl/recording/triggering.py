@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.recording.ring import Source
+from stagectl.recording.joined_rings import Source
 
 Array = NDArray[np.float64]
 Edge = Literal["rising", "falling", "both"]

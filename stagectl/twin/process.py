@@ -10,7 +10,6 @@ import contextlib
 import json
 import math
 import os
-import re
 import signal
 import sys
 import time
@@ -20,17 +19,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl.config.stage_file import Setup
 from stagectl.gap.logs.session import Array
 from stagectl.kernels import jit, law, rollout, stage
 from stagectl.recording.beside import order_of, word_of
-from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring, RingPlace
-from stagectl.service.child_process import Companion
 from stagectl.twin.estimate import status_of
 from stagectl.twin.live_model import Twin, TwinBlock, TwinState, pieces, step, twin_of
-from stagectl.twin.record import add, line_of, live_file, snapshot
-from stagectl.twin.thresholds import BLOCK, NICENESS, POLL_PERIOD, SAME_COMMAND, SNAPSHOT_PERIOD, TOO_FAR_BEHIND, WINDOW
+from stagectl.twin.record import add, line_of, snapshot
+from stagectl.twin.thresholds import BLOCK, NICENESS, POLL_PERIOD, SNAPSHOT_PERIOD, TOO_FAR_BEHIND, WINDOW
 
 
 class TwinOrder(NamedTuple):
@@ -45,25 +41,6 @@ class TwinOrder(NamedTuple):
     live: str  # file of the snapshot
     record: str  # slow record
     avoid: int | None  # CPU of the loop
-
-
-def companion(setup: Setup, running: law.Law, recording: Path, record: Path | None = None) -> Companion:
-    """The twin of this run: a snapshot next to the `recording`, the slow record next to it or in the file `record`."""
-    axis, p = setup.file.axis, setup.stage
-    about = {"name": setup.file.name, "kind": axis.kind, "recording": str(recording), "limit": SAME_COMMAND}
-    files = (str(live_file(recording)), str(record or slow_record(setup, recording)))
-
-    def order(ring: Ring, alive: int) -> TwinOrder:
-        law, model = portable(running), portable(p)
-        return TwinOrder(ring.place, alive, law, model, setup.dt, about, *files, setup.file.realtime.cpu)
-
-    return Companion("stagectl.twin.process", order)
-
-
-def slow_record(setup: Setup, recording: Path) -> Path:
-    """Where the twins of an axis write a line a minute, run after run."""
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", setup.file.name).strip("-") or "axis"
-    return recording.parent / f"twin-{plain}.jsonl"
 
 
 class RingFollower:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.recording.extremes import Extremes, extremes
-from stagectl.recording.ring import Ring, Source
+from stagectl.recording.joined_rings import Source
+from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Capture, Scope, Settings
 from stagectl.web.channels import Channel
 

@@ -20,7 +20,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from stagectl.recording.ring import Joined, Ring, Source
+from stagectl.recording.joined_rings import Joined, Source
+from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Settings, Trigger
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.limits import WORK_SHARE

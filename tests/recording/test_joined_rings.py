@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.recording.ring import Joined, Ring, ahead
+from stagectl.recording.joined_rings import Joined, ahead
+from stagectl.recording.ring import Ring
 
 
 class Moment:

@@ -15,8 +15,9 @@ from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.trajectories import Sine
 from stagectl.twin import estimate, live_model
-from stagectl.twin.process import RingFollower, companion, restored
+from stagectl.twin.process import RingFollower, restored
 from stagectl.twin.record import form, residuals, verdict, words
+from stagectl.twin.start import companion
 from stagectl.twin.thresholds import SAME_COMMAND
 from tests.conftest import CONFIG
 from tests.twin.live import beside, dahl, followed, machine, names, rows_of, seen

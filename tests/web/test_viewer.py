@@ -119,7 +119,7 @@ def test_two_axes_are_seen_row_by_row_of_the_same_period(both: Service, late: st
 
 
 def test_an_axis_that_begins_anew_is_lined_up_anew(both: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stagectl.recording.ring.REJOIN", 0.0)
+    monkeypatch.setattr("stagectl.recording.joined_rings.REJOIN", 0.0)
     heard = Heard(both)
     heard.ask(scope={"channels": ["x.lateness", "y.lateness"], "span": 0.01, "mode": "auto"})
     for number in range(100):

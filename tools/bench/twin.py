@@ -21,8 +21,8 @@ from stagectl.service.child_process import Child, start
 from stagectl.service.single_motion import laid_on
 from stagectl.simulation import simulate
 from stagectl.twin.live_model import step, twin_of
-from stagectl.twin.process import companion
 from stagectl.twin.record import live_file
+from stagectl.twin.start import companion
 from stagectl.twin.thresholds import BLOCK
 
 _MOTION = "sine-0.8hz"
