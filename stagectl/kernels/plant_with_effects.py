@@ -164,7 +164,9 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, steps: Steps) -> State:
 def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Moving:
     """All steps of one drift: kick, drift, kick."""
     current, rate, acting, bodies, contact, path = y.current, y.rate, y.acting, y.bodies, y.contact, y.path
-    (number, (later, faster, mean), held), c = given
+    steps, c = given
+    later, faster, mean = steps.loop
+    held = steps.contact
     drive, mechanics, operators, stops, h = p.drive, p.mechanics, p.friction.operators, x.stops, held.h
     along, lead, balls, code = p.friction.along, p.friction.lead, p.friction.ball_pass, p.residual.coordinate
     lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, TURN_SHARE * held.length
@@ -172,7 +174,7 @@ def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Mov
     against = transmission.pulled(mechanics, bodies.load, path.cable)
     if code != effects.NONE:
         against += effects.looked_up(p.residual, coordinate(code, mechanics.pitch, bodies, path, (current, y.time)))
-    for k in range(number):
+    for k in range(steps.number):
         time = y.time + k * h
         target, acting = driven(drive, lines, c.delay, (time, time + h), acting)
         target = drive_effects.limited(drive, target, c.limit, bodies.velocity)
@@ -198,7 +200,7 @@ def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Mov
             now = coordinate(code, mechanics.pitch, bodies, path, (current, time + h))
             against += effects.looked_up(p.residual, now)
         bodies = transmission.kicked(mechanics, c.masses, bodies, (driving + at.cogging, bias - against, contact.force))
-    return _Moving(y.time + number * h, current, rate, acting, bodies, contact, path)
+    return _Moving(y.time + steps.number * h, current, rate, acting, bodies, contact, path)
 
 
 @kernel
