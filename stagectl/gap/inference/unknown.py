@@ -86,7 +86,7 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTe
 
 
 def error_of_form(e: Evidence, now: Fitted, smooth: BasisColumns) -> UnknownTerm | None:
-    """A function of one coordinate that predicts most of what `now` leaves, and more than any friction law gives it.
+    """The coordinate of which a function predicts most of what `now` leaves, and more than any friction law gives it.
 
     However little that is: too little for an unknown, it is an error in the form of the effects over this coordinate.
     """
@@ -94,10 +94,7 @@ def error_of_form(e: Evidence, now: Fitted, smooth: BasisColumns) -> UnknownTerm
         return None
     own = shape_fits.own_columns(e, now)
     fits = [fit for fit in shape_fits.single_coordinate(e, now, own, smooth) if fit.clear(0.0)]
-    if not fits:
-        return None
-    best = best_of(fits)
-    return shape_of(e, now, gram_matrices.with_columns(smooth.products[best.basis.coordinate], own), best)
+    return UNORDERED._replace(coordinate=best_of(fits).basis.coordinate) if fits else None
 
 
 def _ordered(
