@@ -20,7 +20,8 @@ from stagectl.evaluation import evaluate, tracking_error
 from stagectl.extras import require
 from stagectl.kernels import rollout
 from stagectl.problem import Problem, ProblemKind
-from stagectl.recording.hdf5 import Recording, RecordingError, check_target, open_recording, quantities, save
+from stagectl.recording.hdf5 import Recording, RecordingError, check_target, quantities, save
+from stagectl.recording.opening import recordings_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -197,14 +198,9 @@ def load_log(
     """
     place = Path(path)
     setup = None if stage is None else as_stage(stage, judged=False).setup  # a log was recorded by whatever loop
-    if place.suffix == ".h5":
-        return record_of(open_recording(place).filled("load"))
-    if place.is_dir() and not (place / "captures.yaml").is_file():
-        return RecordFolder([record_of(open_recording(file).filled("load")) for file in sorted(place.glob("*.h5"))])
-    from stagectl.recording.guess.importing import recordings_in  # with pyarrow, which our own recordings do not need
-
     try:
-        records = [record_of(recording) for recording in recordings_in(place, setup, named_columns(columns))]
+        found = recordings_at(place, setup, named_columns(columns))
+        records = [record_of(recording.filled("load")) for recording in found]
     except RecordingError as error:
         error.problems = tuple(one._replace(reason=_in_python(one.reason)) for one in error.problems)
         raise

@@ -13,8 +13,9 @@ from stagectl.identification.capture_checks import remarks, suspicions
 from stagectl.identification.resampling import Part, parts
 from stagectl.identification.result import Note, Topic
 from stagectl.recording.columns import WITHOUT
-from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.recording.hdf5 import Recording
 from stagectl.recording.in_memory import given_twice
+from stagectl.recording.opening import recordings_at
 from stagectl.recording.scales import scales_of_stage
 
 CURRENTS = ("measured_current", "current", "command")  # the best first: in the motor, after, before the limit
@@ -28,15 +29,11 @@ _STANDS_IN = {
 
 def opened(paths: Sequence[Path], setup: Setup, columns: Mapping[str, str] | None = None) -> list[Recording]:
     """All recordings of `paths`, including those that are held out; `columns` names the columns of logs."""
-    recordings: list[Recording] = []
-    for path in paths:
-        if path.suffix == ".h5":
-            recordings.append(open_recording(path, READ).filled("identify from"))
-        else:
-            from stagectl.recording.guess.importing import recordings_in  # with pyarrow, 60 MB that recordings need not
-
-            recordings += recordings_in(path, setup, columns)
-    return recordings
+    return [
+        recording.filled("identify from")
+        for path in paths
+        for recording in recordings_at(path, setup, columns, only=READ)
+    ]
 
 
 def held_out(recording: Recording) -> bool:

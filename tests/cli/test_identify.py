@@ -103,7 +103,7 @@ def test_a_log_without_a_header(command: Command, folder: Path) -> None:
         ((*LEAST_SQUARES, "log.csv", "--seed", "3"), "--seed is not an option of least-squares"),
         ((*LEAST_SQUARES, "log.csv", "--every", "1s"), "--every 1s is of --watch: leave it out, or"),
         ((*LEAST_SQUARES, "log.csv", "--within", "0.2"), "--within 0.2 is of --watch"),
-        ((*LEAST_SQUARES, "empty"), "empty holds neither captures.yaml nor logs"),
+        ((*LEAST_SQUARES, "empty"), "empty holds neither recordings"),
         ((*LEAST_SQUARES, "log.csv", "log.csv"), "log.csv is there twice"),
         ((*LEAST_SQUARES, "log.csv", "--columns", "t"), "--columns t: 't' must be QUANTITY=COLUMN"),
         ((*LEAST_SQUARES, "log.csv", "--columns", "time=1,position=2"), "neither a current nor a command, so no force"),

@@ -13,8 +13,9 @@ from stagectl.config.stage_file import Setup
 from stagectl.gap.logs.session import Array, LogError
 from stagectl.kernels.law import Setpoint
 from stagectl.problem import Problem, ProblemKind
-from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.recording.hdf5 import Recording
 from stagectl.recording.in_memory import given_twice
+from stagectl.recording.opening import own_recordings, recordings_at
 from stagectl.recording.scales import read_values, scales_of_nominal
 from stagectl.units import StageError
 
@@ -74,16 +75,14 @@ def read_logs(paths: Sequence[Path], setup: Setup | None, said: Description) -> 
 
 
 def _opened(path: Path, setup: Setup | None, said: Description) -> list[Recording]:
-    listed = (path / "captures.yaml").is_file()
-    if ours := [path] if path.suffix == ".h5" else [] if listed else sorted(path.glob("*.h5")):
-        return [open_recording(file) for file in ours]
-    from stagectl.recording.guess.importing import recordings_in  # with pyarrow, which our own recordings do not need
-
+    if own_recordings(path):
+        return recordings_at(path, setup)
     beside = path.parent / "nominal.yaml"
     nominal = (
         {"stage": dict(said.stage), **said.blocks} if said.stage else read_values(beside) if beside.is_file() else {}
     )
-    recordings = recordings_in(path, setup, said.columns, scales_of_nominal(nominal, beside) if nominal else None)
+    recordings = recordings_at(path, setup, said.columns, scales_of_nominal(nominal, beside) if nominal else None)
+    listed = (path / "captures.yaml").is_file()
     for recording in recordings if nominal and not listed else ():
         recording.meta["nominal"] = {**recording.meta.get("nominal", {}), **nominal}
     return recordings

@@ -54,7 +54,7 @@ def import_log(
     if path.is_dir() and not (path / "captures.yaml").is_file():
         logs = [file for file in sorted(path.iterdir()) if _is_log(file)]
         if not logs:
-            reason = f"{path} holds neither captures.yaml nor logs ({', '.join(_LOGS)}); give a folder that does"
+            reason = f"{path} holds neither recordings (.h5), nor captures.yaml, nor logs ({', '.join(_LOGS)})"
             raise RecordingError(reason, path, ProblemKind.MISSING)
         return [imported for log in logs for imported in import_log(log, setup, words, known, unsure, scales)]
     try:
