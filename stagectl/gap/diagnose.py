@@ -17,12 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from stagectl.gap.conclusions_that_hold import Fits, Held, conclusions_that_hold
 from stagectl.gap.controller_check.command_check import CommandCheck, check_command
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
 from stagectl.gap.inference import attribution, cable_centre, constant_force, unknown, value_errors
-from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities, whitening
 from stagectl.gap.residuals.base_modes import modes
@@ -49,7 +49,7 @@ from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.select import Selection
 from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
-from stagectl.gap.validation.validate import Validation, confirmed, validate
+from stagectl.gap.validation.validate import confirmed
 from stagectl.identification.thresholds import LEAST_ENCODER_STEPS
 from stagectl.kernels.stage import Stage, sliding
 from stagectl.number_format import duration
@@ -99,18 +99,14 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     selected = value_errors.borne_out(evidence, library, selected, functions, progress)
     selected = selected._replace(fitted=cable_centre.centred(evidence, selected.fitted))
     evidence, selected = constant_force.settled(evidence, library, selected, progress)
-    timer.begin(Step.PARAMETERS)
-    conclusions = conclude(session, evidence, library, selected, functions, options.excluded)
-    timer.begin(Step.LOCALISATION)
-    location = localise(session, evidence, selected, conclusions, functions, agreement)
-    timer.begin(Step.VALIDATION)
-    validation = validate(session, evidence, selected, conclusions)
-    result = _answer(session, conclusions, location, validation)
+    fits = Fits(session, agreement, evidence, library, functions, options.excluded)
+    said = conclusions_that_hold(fits, selected, timer)
+    result = _answer(session, said)
     timer.begin(Step.EXPERIMENT)
     if options.advice:
-        result = _advised(session, result, selected, evidence)
+        result = _advised(session, result, said.selected, evidence)
     result = result._replace(seconds=timer.seconds)
-    return Diagnosis(result._replace(sentence=sentence(result)), validation.improved)
+    return Diagnosis(result._replace(sentence=sentence(result)), said.validation.improved)
 
 
 def _beside_the_controller(
@@ -178,10 +174,8 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     return library_of(e, forms, products)
 
 
-def _answer(
-    session: Session, conclusions: Conclusions, location: Localisation, validation: Validation
-) -> DiagnosisResult:
-    closure = validation.closure
+def _answer(session: Session, said: Held) -> DiagnosisResult:
+    conclusions, location, closure = said.conclusions, said.location, said.validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open else None)
     effects = [confirmed(effect, closure) for effect in with_shares(conclusions.effects, closure.shares)]
     named = [effect for effect in effects if effect.probability >= NAMED]
@@ -197,7 +191,7 @@ def _answer(
         shares=tuple(closure.shares.items()),
         unknown=shape,
         traces=tuple(closure.traces),
-        notes=(*session.notes, *validation.warnings),
+        notes=(*session.notes, *said.validation.warnings),
         cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
     )
 

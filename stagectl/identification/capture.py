@@ -38,7 +38,6 @@ class Refusal(enum.StrEnum):
     ONE_DIRECTION = "one direction"
     OPPOSITE_SIGN = "opposite sign"  # of current and velocity
     SAMPLING = "sampling"
-    SEARCH = "search"  # it did not converge
     TIME_ORDER = "time order"
     TOO_FAST = "too fast"
     TOO_FEW_LINES = "too few lines"

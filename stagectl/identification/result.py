@@ -98,7 +98,6 @@ class Topic(enum.StrEnum):
     RESIDUAL = "residual"
     REVOLUTION = "revolution"  # a span shorter than one
     RIPPLE = "ripple"
-    SAMPLING = "sampling"
     STANDSTILL = "standstill"
     STAND_IN = "stand-in"  # another column serves as the motor's current
     TIED = "tied"  # two parameters that the motion does not separate

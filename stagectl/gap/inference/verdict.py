@@ -48,6 +48,12 @@ def only_named(e: Evidence, selected: Selection) -> Selection:
     return selected._replace(fitted=refine.refine(e, selected.fitted.model, kept))
 
 
+def taken_out(e: Evidence, selected: Selection, name: str) -> Selection:
+    """`selected` without the effect `name`, fitted anew."""
+    kept = [valued for valued in selected.fitted.effects if valued.effect.name != name]
+    return selected._replace(fitted=refine.refine(e, selected.fitted.model, kept))
+
+
 def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[DriveSignature]) -> list[FoundEffect]:
     """Effects and the drive's signatures; the mean of a jittering delay is no delay of its own."""
     jitter = next((signature.value for signature in signatures if signature.effect.name == "jitter"), 0.0)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.effects.library import label
 from stagectl.gap.inference.beside_unknown import apart
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.logs.session import Log, Session
@@ -57,6 +58,14 @@ def confirmed(effect: FoundEffect, found: Closure) -> FoundEffect:
     if not found.open or effect.share > 0.0:
         return effect
     return effect._replace(probability=min(effect.probability, apart(0.0, 1.0)))
+
+
+def refuted_words(name: str) -> str:
+    """The note on an effect that the logs which are judged refute."""
+    return (
+        f"{label(name)} explains forces, but the simulation follows the judged logs more closely without it: what it "
+        "explains has another cause, and it is not named"
+    )
 
 
 def _best_model(session: Session, e: Evidence, stages: Sequence[Stage]) -> Stage:

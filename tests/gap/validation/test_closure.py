@@ -50,3 +50,27 @@ def test_where_there_is_no_gap_all_is_noise() -> None:
 
 def test_a_model_that_takes_nothing_leaves_all_unexplained() -> None:
     assert closure.scaled({"parameters": 0.0}, gap(10.0, 10.0, 1.0))[UNEXPLAINED] == pytest.approx(0.99)
+
+
+def test_an_effect_that_surely_widens_the_gap_is_refuted() -> None:
+    """The one that adds the most; what adds in the mean, or of one half stroke, is not sure."""
+    source = np.random.default_rng(1)
+    wider, widest = (mean + source.standard_normal(12) for mean in (3.0, 5.0))
+    unsure = 0.1 + source.standard_normal(12)
+    assert closure.most_harmful({"dwell": wider, "stribeck": widest, "cogging": unsure}) == "stribeck"
+    assert closure.most_harmful({"cogging": unsure, "cable_spring": -widest, "dwell": np.array([5.0])}) == ""
+
+
+@pytest.mark.parametrize(("times", "refuted"), [(1.0, ""), (0.5, ""), (-1.0, "viscous_asymmetry")])
+def test_an_effect_of_the_wrong_sign_is_refuted(ball_screw: Setup, tmp_path: Path, times: float, refuted: str) -> None:
+    """The machine has a viscous asymmetry; of half the right size it is still better than none."""
+    effect = next(one for one in definitions(SCALES) if one.name == "viscous_asymmetry")
+    machine = ball_screw._replace(stage=having(ball_screw.stage, effect, 1.0))
+    write_stage(machine, tmp_path / "machine.yaml")
+    logs = recorded(tmp_path, SINE, plant=tmp_path / "machine.yaml")
+    session = load_session.load(logs, ball_screw)
+    values = {one.name: times * one.typical[0] for one in effect.amplitudes}
+    now = Fitted(model_of(session, session.stage), (EffectValues(effect, values),), [], 0.0)
+    selected: Any = SimpleNamespace(fitted=now)
+    found = closure.in_closed_loop(session, selected, now.equipped.stage, session.logs)
+    assert found.refuted == refuted
