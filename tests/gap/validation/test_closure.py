@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from stagectl.config.stage_file import Setup
+from stagectl.gap.effects.library import definitions
+from stagectl.gap.logs import load_session
+from stagectl.gap.residuals.sensitivities import model_of
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Gap
+from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.refine import Fitted
 from stagectl.gap.validation import closure
+from stagectl.workflows.motion import prepare
+from stagectl.workflows.simulated_motion import pretend
+from tests.compensation.test_model_effects import SCALES, having
+from tests.gap.captured import SINE
 
 
 @pytest.mark.parametrize(
@@ -66,9 +78,10 @@ def test_an_effect_of_the_wrong_sign_is_refuted(ball_screw: Setup, tmp_path: Pat
     """The machine has a viscous asymmetry; of half the right size it is still better than none."""
     effect = next(one for one in definitions(SCALES) if one.name == "viscous_asymmetry")
     machine = ball_screw._replace(stage=having(ball_screw.stage, effect, 1.0))
-    write_stage(machine, tmp_path / "machine.yaml")
-    logs = recorded(tmp_path, SINE, plant=tmp_path / "machine.yaml")
-    session = load_session.load(logs, ball_screw)
+    motion, log = tmp_path / "sine.yaml", tmp_path / "sine.h5"
+    motion.write_text(SINE)
+    pretend(prepare(ball_screw, motion, frozenset(), log), machine)
+    session = load_session.load([log])
     values = {one.name: times * one.typical[0] for one in effect.amplitudes}
     now = Fitted(model_of(session, session.stage), (EffectValues(effect, values),), [], 0.0)
     selected: Any = SimpleNamespace(fitted=now)
