@@ -68,8 +68,7 @@ def in_closed_loop(session: Session, selected: Selection, improved: Stage, logs:
     position = gaps.pop("position")
 
     def remaining(model: TrackedModel) -> Array:
-        rows = rollouts.simulated_logs(session, model.stage, logs)
-        return held_out_gap.squares(judged, rows, "position").squares
+        return held_out_gap.remaining(judged, rollouts.simulated_logs(session, model.stage, logs))
 
     shares, refuted = _worth(session, selected, improved, remaining, position)
     traces = held_out_gap.traces([item.log for item in judged], before, after, position.floor, session.dt)
@@ -119,10 +118,9 @@ def along_the_path(session: Session, e: Evidence, selected: Selection, improved:
     gap = gap._replace(effort=_whole_effort(paths, session.stage.motor.force_constant))
 
     def remaining(model: TrackedModel) -> Array:
-        return effort(model, paths, noise, dt).squares
+        return np.array([effort(model, paths, noise, dt).squares.sum()])
 
-    shares, refuted = _worth(session, selected, improved, remaining, gap)
-    return Closure(gap, {}, shares, [], refuted)
+    return Closure(gap, {}, *_worth(session, selected, improved, remaining, gap)[:1], [])
 
 
 def _worth(
@@ -130,7 +128,7 @@ def _worth(
 ) -> tuple[dict[str, float], str]:
     """Shares of the squared gap before: parameters, effects, the unexplained, noise; and the effect that is refuted.
 
-    `remaining` gives the sums of squares (c,) that a model leaves of each half stroke.  What only the table of
+    `remaining` gives the sums of squares (k,) that a model leaves of each experiment.  What only the table of
     `improved` takes is unexplained.
     """
     now, nominal = selected.fitted, sensitivities.model_of(session, session.stage)
@@ -147,16 +145,22 @@ def _worth(
     players = [PARAMETERS, *names, *tables]
     shares = scaled(shapley(players, lambda members: float(of(members).sum())), gap)
     whole = frozenset(players)
-    return shares, most_harmful({name: of(whole) - of(whole - {name}) for name in names})
+    return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in names})
 
 
-def most_harmful(added: Mapping[str, Array]) -> str:
-    """The effect that surely widens the gap, and by the most, of what each has `added` (c,) to each half stroke.
+def most_harmful(wider: Mapping[str, Array]) -> str:
+    """The effect that surely widens the gap, and by the most; empty where none does.
 
-    With 97.5 % of Student's t: repeats of a half stroke are one, and half strokes are independent.  Empty where none.
+    `wider` holds the logarithm (k,) by which each widens the squared gap of each experiment.  Sure is 97.5 % of
+    Student's t over the experiments: what is wrong with a model is wrong in all half strokes of one motion, and a
+    motion that never repeats, such as one that sticks at rest, counts no more than another.
     """
-    wider = {name: float(np.sum(each)) for name, each in added.items() if _surely_positive(each)}
-    return max(wider, key=wider.__getitem__, default="")
+    means = {name: float(np.mean(each)) for name, each in wider.items() if _surely_positive(each)}
+    return max(means, key=means.__getitem__, default="")
+
+
+def _log(squares: Array) -> Array:
+    return np.log(np.maximum(squares, 1e-300))  # a simulated log may be met to the bit
 
 
 def _surely_positive(values: Array) -> bool:

@@ -45,11 +45,13 @@ def judged_logs(session: Session, logs: Sequence[Log]) -> list[JudgedLog]:
     return judged
 
 
-def remaining(judged: Sequence[JudgedLog], rows: Sequence[Array]) -> float:
-    """Sum of squares of measured less simulated position."""
-    pairs = zip((item.log for item in judged), rows, strict=True)
-    differences = (_difference(log, simulated, "position")[log.valid] for log, simulated in pairs)
-    return float(sum(difference @ difference for difference in differences))
+def remaining(judged: Sequence[JudgedLog], rows: Sequence[Array]) -> Array:
+    """Sums of squares (k,) of measured less simulated position, one of each experiment."""
+    sums: dict[str, float] = {}
+    for item, simulated in zip(judged, rows, strict=True):
+        difference = _difference(item.log, simulated, "position")[item.log.valid]
+        sums[item.log.experiment] = sums.get(item.log.experiment, 0.0) + float(difference @ difference)
+    return np.array(list(sums.values()))
 
 
 def squares(judged: Sequence[JudgedLog], rows: Sequence[Array], channel: str) -> StrokeSums:

@@ -85,7 +85,8 @@ def closest(session: Session, stages: Sequence[Stage], logs: Sequence[Log]) -> S
     the logs that it was made on is dropped.
     """
     judged = held_out_gap.judged_logs(session, logs)
-    sums = [held_out_gap.remaining(judged, rollouts.simulated_logs(session, stage, logs)) for stage in stages]
+    rows = [rollouts.simulated_logs(session, stage, logs) for stage in stages]
+    sums = [float(np.sum(held_out_gap.remaining(judged, simulated))) for simulated in rows]
     return _nearly_closest(stages, sums)
 
 
