@@ -117,7 +117,7 @@ def test_a_loop_that_does_not_know_what_holds_the_axis_holds_it(ball_screw: Setu
 def test_a_map_with_fast_harmonics_comes_through_the_current_loop(
     ball_screw: Setup, plain_peaks: dict[str, float]
 ) -> None:
-    """Up to 150 Hz, and a little more than all effects may have: without `Hold.taken` the peaks are 2.2 times as large.
+    """Up to 67 Hz, and a little more than all effects may have: without `Hold.taken` the peaks are up to 2.2 times.
 
     Cut off at the limit in 5 to 78 periods, it is not within 1.5 on all motions.
     """
