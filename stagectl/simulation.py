@@ -94,7 +94,8 @@ def simulate_with_friction(
     p = _without_friction(machine)
     noises = noise(machine.file.simulation, len(plan.setpoints), p.drive.jitter)
     rows = np.zeros((len(plan.setpoints), rollout.WIDTH))
-    x, memory, work = stage.at_reading(p, 0.0), law.AT_REST, Work()
+    x, work = stage.at_reading(p, 0.0), Work()
+    memory = rollout.holding(x)
     applied = (friction_law, work)
     for k, (setpoint, drawn) in enumerate(zip(plan.setpoints.tolist(), noises.tolist(), strict=True)):
         disturbed = stage.Noise(drawn[0], drawn[1], drawn[2] if len(drawn) > 2 else 0.0)

@@ -11,6 +11,7 @@ import pytest
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.kernels import law
+from stagectl.kernels.friction import Stribeck
 from stagectl.plan import plan
 from stagectl.simulation import simulate
 from stagectl.trajectories import SCurve, Sine, Trapezoid
@@ -85,6 +86,40 @@ def test_a_loop_that_would_swing_is_told_before_it_moves(command: Command, tmp_p
     assert "the loop oscillates at 80.3 Hz" in " ".join(err.split())
     _, _, err = command("simulate", path, CONFIG / "trajectories" / "sine-2um.yaml", "-o", tmp_path / "a.h5")
     assert "note: at standstill" in " ".join(err.split())
+
+
+def falling(rise: float, velocity: float, lag: float = 0.0, substeps: int = 10) -> Setup:
+    """The ball screw with a Stribeck rise that decays over this velocity (rad/s)."""
+    setup = varied(BALL_SCREW, band=0.0)
+    p, simulation = setup.stage, setup.file.simulation._replace(substeps=substeps)
+    rubbing = p.friction._replace(stribeck=Stribeck(rise, velocity), lag=lag)
+    return setup._replace(stage=p._replace(friction=rubbing)).having(simulation=simulation)
+
+
+def slow_error(setup: Setup, speed: float) -> float:
+    """Peak (m) of a slow motion at `speed` (rad/s) of a second, whose friction is known and compensated."""
+    travel = speed * setup.file.axis.travel_per_unit
+    laid_out = plan(setup, SCurve(travel, travel, 0.5, 25.0, 0.1, 1, True), setup.controller.feedforward)
+    error = simulate(setup, laid_out, setup.controller.law)["error"]
+    return float(np.abs(error).max()) * setup.file.axis.travel_per_unit
+
+
+@pytest.mark.parametrize("substeps", [10, 20])
+@pytest.mark.parametrize(("rise", "velocity"), [(0.4, 0.03), (0.4, 0.12), (0.4, 0.2), (0.1, 0.03)])
+def test_below_the_speed_that_is_said_a_known_friction_sticks_and_slips(
+    rise: float, velocity: float, substeps: int
+) -> None:
+    """The same motion without the rise ends within 15 nm at each of these speeds."""
+    setup = falling(rise, velocity, substeps=substeps)
+    speed = design.sticking_speed(setup.stage, *design.loop_parts(setup.stage, setup.file.control))
+    assert speed is not None
+    assert slow_error(setup, 0.8 * speed) > 70e-9
+    assert slow_error(setup, 1.3 * speed) < 25e-9
+
+
+def test_a_friction_that_falls_slowly_enough_or_late_is_held_at_any_speed() -> None:
+    assert falling(0.4, 0.45).unrest == "" and falling(0.4, 0.03, lag=0.012).unrest == ""
+    assert "stick" in falling(0.4, 0.03).unrest
 
 
 BALL_SCREW = load_stage(CONFIG / "ball-screw.yaml")

@@ -139,6 +139,19 @@ def test_replay_notices_a_changed_position_and_a_changed_law(tmp_path: Path) -> 
     assert not replay(recording)["identical"]
 
 
+@pytest.mark.parametrize("file", ["ball-screw.yaml", "linear-slider.yaml"])
+def test_replay_begins_with_what_held_the_axis(file: str, tmp_path: Path) -> None:
+    """A weight that its friction does not carry; PID and cascade."""
+    text = movable((CONFIG / file).read_text())
+    stage, bias = tmp_path / "stage.yaml", "-2 N m" if "rotary" in text else "-20 N"
+    stage.write_text(re.sub(r"(?m)^mechanics:$", f"mechanics:\n  bias: {bias}", text))
+    sc.simulate(stage, CONFIG / "trajectories" / "sine-2um.yaml").save(tmp_path / "s.h5")
+    recording = open_recording(tmp_path / "s.h5")
+    assert abs(recording.samples["current"][0]) > 0.5
+    assert np.abs(recording.samples["error"]).max() < 2e-5
+    assert replay(recording)["identical"]
+
+
 def start_moving(tmp_path: Path, name: str) -> subprocess.Popen[bytes]:
     """``stagectl run`` in a process group of its own, well into its motion."""
     path = tmp_path / name

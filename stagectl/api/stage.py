@@ -85,10 +85,8 @@ class DesignedStage(PrintedResult):
 
     @property
     def unrest(self) -> str:
-        """Why the loop would not come to rest on an axis that friction holds; empty where it does."""
-        from stagectl import design
-
-        return design.limit_cycle_warning(self.setup.stage, self.setup.file.control)
+        """Why the loop would swing by itself, at standstill or in slow motions; empty where it does not."""
+        return self.setup.unrest
 
     def sheet(self) -> Sheet:
         """Gains and margins."""

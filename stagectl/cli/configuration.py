@@ -129,7 +129,7 @@ def _stage(path: Path) -> tuple[str, list[str]]:
         f"crossover {reached.crossover:.1f} Hz{watched} "
         f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples}); {_protects(setup.file)}"
     )
-    warnings = design.limit_cycle_warning(setup.stage, control), doubtful(setup.file), untried(setup.file)
+    warnings = setup.unrest, doubtful(setup.file), untried(setup.file)
     return words, [*filter(None, warnings)]
 
 

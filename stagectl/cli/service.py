@@ -46,7 +46,6 @@ def serve(
     """
     without_compiler()
     require("service", "the service")
-    from stagectl import design
     from stagectl.runtime_folder import state_folder
     from stagectl.service.machine import machine, together, virtual
     from stagectl.service.service import Service, ServicePaths
@@ -60,7 +59,7 @@ def serve(
     axes, coupled = machine(stages, channel), together(stages) and not uncoupled
     say = reporter(json, console.print)
     for name, axis in axes.items():
-        if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
+        if restless := axis.setup.having(control=axis.control).unrest:
             say(f"{name}: {restless}")
     service = Service(axes, ServicePaths(place, folder, foxglove_address(foxglove)), coupled, say)
     run(service, tcp_port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))

@@ -24,7 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.compensation.constants import EFFECT_SHARE, EFFECTS_SHARE, FADE_TIME, INVERSE_STEPS, ROUNDING
+from stagectl.compensation import period_currents
+from stagectl.compensation.constants import EFFECT_SHARE, EFFECTS_SHARE, INVERSE_STEPS, ROUNDING
 from stagectl.kernels import effects, equilibrium, friction, inverse, plant_with_effects, stage, transmission
 from stagectl.kernels.fields import get, put
 from stagectl.kernels.jit import states
@@ -137,7 +138,7 @@ def steps(p: stage.Stage, dt: float) -> int:
 
 def _sudden(p: stage.Stage, dt: float) -> bool:
     """Whether the effort changes within a step, and what a period then gives early or late is to be right."""
-    gap = p.mechanics.transmission.backlash > 0.0 and _resolved(p, dt)
+    gap = p.mechanics.transmission.backlash > 0.0 and period_currents.resolved(p, dt)
     return gap or p.friction.step.share != 0.0 or p.mechanics.viscous_step.share != 0.0
 
 
@@ -163,7 +164,8 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     acts, from the beginning of the first period to the end of the last.
     """
     each, known = steps(p, dt), plain(p)
-    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin, _resolved(p, dt))
+    hold = period_currents.hold(p, dt)
+    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin, hold)
     begins = memory.copy().plain
     current, whole = way.demanded(p, memory.whole)
     without, plain_end = way.demanded(known, memory.plain)
@@ -173,7 +175,7 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     limited += _limited("", current, most)
     np.clip(current, -most, most, out=current)
     held = float(current[-1])
-    periods = current[1:] + _fading(memory.held - float(current[0]), len(current) - 1, dt)
+    periods = current[1:] + period_currents.fading(memory.held - float(current[0]), len(current) - 1, dt)
     return periods, Answer(Memory(whole, plain_end, memory.origin, held), limited, mapped(p))
 
 
@@ -184,7 +186,7 @@ class _Way(NamedTuple):
     motion: Array  # (n `steps[1]` + 1, 3)
     steps: tuple[float, int]  # s between its rows, and how many of them are a control period
     origin: float  # rad | m, where what is demanded at rest is left to the feedback
-    resolved: bool  # of all models alike, as they are subtracted
+    hold: period_currents.Hold  # of all models alike, as they are subtracted
 
     def for_model(self, p: stage.Stage) -> _Way:
         """The same in no finer steps than this model needs."""
@@ -199,27 +201,8 @@ class _Way(NamedTuple):
         at_origin, begins = _resting(p, stage.at_rest(p, self.origin, x.memory.time)), _resting(p, x)
         out = np.empty(len(self.motion))
         end = inverse.along(p, x, self.motion, self.steps[0], out)
-        acting = _held(0.5 * (out[1:] + out[:-1]), self.steps[1], self.resolved)
+        acting = self.hold.commands(0.5 * (out[1:] + out[:-1]), self.steps[1])
         return np.concatenate([[begins], acting]) - at_origin, end
-
-
-def _held(current: Array, each: int, resolved: bool) -> Array:
-    """Current (n,) of each period that moves the axis as `current` (n `each`,) does.
-
-    The mean of a period gives its velocity.  What comes early or late in it also moves the axis; the periods on either
-    side give that, too, where the current is `resolved`: not of a push that is over before they are.
-    """
-    rows = current.reshape(-1, each)
-    means: Array = rows.mean(axis=1)
-    if not resolved:
-        return means
-    from_middle = (np.arange(each) + 0.5) / each - 0.5
-    return means + np.convolve(rows @ from_middle / each, (-0.5, 0.0, 0.5), "same")
-
-
-def _resolved(p: stage.Stage, dt: float) -> bool:
-    """Whether a contact across a gap, half a swing of the drive train, lasts for two periods `dt` (s)."""
-    return p.mechanics.transmission.backlash == 0.0 or 4.0 * p.mechanics.transmission.resonance * dt <= 1.0
 
 
 def _resting(p: stage.Stage, x: stage.State) -> float:
@@ -246,19 +229,9 @@ def _within_shares(
         rests = stage.at_rest(alone, begins.position, begins.memory.time)
         own, _ = way.for_model(alone).demanded(alone, rests._replace(**rubbing))
         own -= without
-        current -= own - _spread(own, most)
+        current -= own - period_currents.spread(own, most)
         limited += _limited(place, own, most)
     return tuple(limited)
-
-
-def _spread(current: Array, most: float) -> Array:
-    """`current` (n + 1,) A within `most` (A): what a push lacks, as a gap that closes asks for, comes beside it.
-
-    Half a period early and late it gives the same momentum.  What lasts longer than a push is cut.
-    """
-    inside = np.clip(current, -most, most)
-    beside = np.convolve(current - inside, (0.5, 0.0, 0.5), "same")
-    return np.clip(inside + beside, -most, most)
 
 
 def places(p: stage.Stage) -> list[str]:
@@ -274,10 +247,3 @@ def _limited(place: str, current: Array, most: float) -> tuple[Limited, ...]:
     largest = np.abs(current[1:])
     periods = int(np.sum(largest > most))
     return (Limited(place, float(largest.max()), most, periods),) if periods else ()
-
-
-def _fading(step: float, count: int, dt: float) -> Array:
-    """`step` (A) that fades away: `count` periods of `dt` (s) of a half wave of the cosine."""
-    t: Array = np.minimum(dt * np.arange(count, dtype=np.float64) / FADE_TIME, 1.0)
-    faded: Array = 0.5 * step * (1.0 + np.cos(np.pi * t))
-    return faded

@@ -22,6 +22,7 @@ from stagectl.config.time_outs import with_time_outs
 from stagectl.config.wire_checks import eds_path
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.kernels import effects, jit, stage
+from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
 
 
@@ -79,6 +80,23 @@ class Setup(_Stage):
         Raises DesignError where the loop cannot be computed.
         """
         return design.margins(self.stage, *design.loop_parts(self.stage, self.file.control))
+
+    @functools.cached_property
+    def unrest(self) -> str:
+        """Why the loop would swing by itself, at standstill or in slow motions; empty where it does not.
+
+        Raises DesignError where its gains cannot be realised.
+        """
+        control, axis = self.file.control, self.file.axis
+        words = [design.limit_cycle_warning(self.stage, control)]
+        speed = design.sticking_speed(self.stage, *design.loop_parts(self.stage, control))
+        if speed is not None:
+            below = length(speed * axis.travel_per_unit, axis.travel_unit)
+            words.append(
+                f"below {below}/s friction falls faster with the speed than the loop can bear: slow motions stick and "
+                "slip, whatever is compensated; move faster there, or take a faster loop with less delay"
+            )
+        return "; ".join(filter(None, words))
 
 
 def load_stage(path: Path, designed: bool = True, text: str | None = None) -> Setup:

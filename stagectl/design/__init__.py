@@ -30,6 +30,7 @@ from stagectl.design.margins import (
     margins,
     plant,
     settles,
+    sticking_speed,
     with_observer,
 )
 from stagectl.kernels import feedback, feedforward, friction_bristle, law, observer, stage, unloading

@@ -20,6 +20,8 @@ from stagectl.design.control import Feedback, computable
 from stagectl.kernels import cascade, feedback, observer, stage, transmission
 from stagectl.kernels.constants import FIRST_ORDER
 
+# Speeds over that at which a Stribeck rise has decayed: with an exponent of 1, 0.1 % of it has gone, and all.
+_SLOWEST, _FASTEST, _HALVINGS = 1e-3, 1e2, 20
 _ORDER = 16  # of a series whose terms fall by half and more: the next one is 1e-20 of the first
 
 
@@ -67,6 +69,44 @@ def limit_cycle_frequency(
         poles = 1.0 + np.roots(_characteristic(plant(p, dt, held=True), controller))
     worst = poles[np.argmax(np.abs(poles))]
     return float(abs(np.angle(worst))) / (2.0 * np.pi * dt) if abs(worst) >= 1.0 else None
+
+
+def sticking_speed(
+    p: stage.Stage, designed: Feedback, dt: float, watching: observer.Observer = observer.ABSENT
+) -> float | None:
+    """Speed (rad/s | m/s) below which the loop does not hold a sliding axis; None where it does at any.
+
+    Friction that falls with the speed is a negative damping.  Where it falls faster than the loop can bear, the axis
+    sticks and slips, and no current that is known beforehand changes that.  A friction that follows the speed late
+    falls less than this in time.
+    """
+    speeds, falls = _falling(p.friction)
+    with computable(p):
+        controller = with_observer(compensator(designed, dt), watching)
+
+        def bears(fall: float) -> bool:
+            damped = p.mechanics._replace(viscous=p.mechanics.viscous - fall)
+            return settles(_characteristic(plant(p._replace(mechanics=damped), dt), controller))
+
+        least, most = 0.0, float(falls.max())
+        if p.friction.lag > 0.0 or most == 0.0 or bears(most):
+            return None
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (least + most)
+            least, most = (middle, most) if bears(middle) else (least, middle)
+    return float(speeds[falls > least].max())
+
+
+def _falling(p: stage.Friction) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Speeds (n,) rad/s | m/s, and how fast friction falls there (n,) N m s/rad | N s/m."""
+    parts = ((float(sum(p.operators.weight)), p.stribeck), (p.bristle.coulomb, p.bristle.stribeck))
+    own = [rise.velocity for size, rise in parts if size * rise.rise > 0.0] or [1.0]
+    speeds = np.geomspace(_SLOWEST * min(own), _FASTEST * max(own), FREQUENCIES)
+    falls = np.zeros(len(speeds))
+    for size, rise in parts:
+        over = (speeds / rise.velocity) ** rise.shape
+        falls += size * rise.rise * rise.shape * over * np.exp(-over) / speeds
+    return speeds, falls
 
 
 def _rates(p: stage.Stage, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

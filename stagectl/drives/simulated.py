@@ -30,7 +30,7 @@ class Plant:
 
     def restart(self) -> None:
         """At rest where the encoder reads 0, unloaded, without power, the noise from its beginning."""
-        self.state = stage.at_reading(self.p, 0.0)
+        self.state = stage.at_reading(self.p, 0.0)._replace(commands=stage.NO_COMMANDS, current=self.p.drive.offset)
         self._random = random.Random(self.simulation.seed)
         self._powered = False
         self._noise, self._silent = stage.SILENT, True

@@ -132,6 +132,15 @@ def amplified(p: Drive, command: float) -> float:
 
 
 @kernel
+def called_for(p: Drive, current: float) -> float:
+    """The command (A) that calls for a `current` (A): see `amplified`; none calls for less than the directed offset."""
+    if current == 0.0:
+        return 0.0
+    left = max(abs(current) - p.directed_offset, 0.0)
+    return math.copysign(left / (1.0 + p.gain + math.copysign(p.gain_asymmetry, p.gain_asymmetry * current)), current)
+
+
+@kernel
 def limited(p: Drive, command: float, limit: float, velocity: float) -> float:
     """Current (A) of a `command` within +-`limit`, plus the offset, within the voltage: ``|R i + K_e v| <= U``."""
     target = amplified(p, command)

@@ -1,14 +1,26 @@
-"""The plant at rest, who carries what; and the plant as it moves on."""
+"""The plant at rest, who carries what; and the plant as it moves on.
+
+Friction carries what acts on an axis at rest.  What is more than it can carry, a current does: of a loop that has stood
+there.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from stagectl.kernels import effects, friction, friction_bristle, friction_effects, plant_with_effects, transmission
+from stagectl.kernels import (
+    drive_effects,
+    effects,
+    friction,
+    friction_bristle,
+    friction_effects,
+    plant_with_effects,
+    transmission,
+)
 from stagectl.kernels.constants import LOAD_STEPS, READING_STEPS
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import NO_COMMANDS, Line, Memory, Stage, State
+from stagectl.kernels.plant import Friction, Line, Memory, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 _NEVER: Line = (-math.inf,) * 8  # no command has begun
@@ -17,22 +29,27 @@ _NEVER: Line = (-math.inf,) * 8  # no command has begun
 @kernel
 def standing(p: Stage, stops: Any, position: float, time: float) -> State:
     """The plant at rest at `position` (rad | m), its operators `stops` (n,), changed in place: see `stage.at_rest`."""
-    behind = position
+    behind, current = position, p.drive.offset
     for _ in range(LOAD_STEPS):
-        driving, pulling = efforts(p, position, time, behind)
+        driving, pulling = efforts(p, position, (time, current), behind)
         load = driving + pulling
         friction.relax(stops)
         share, factor = _limits(p, position, time, driving, load)
-        bristle = friction_bristle.settled(p.friction.bristle, load, share)
+        beyond = _beyond(p.friction, load, share, factor)
+        bristle = friction_bristle.settled(p.friction.bristle, load - beyond, share)
         carried = p.friction.bristle.stiffness * bristle
-        force = friction.settled(p.friction.operators, stops, load - carried, factor) + carried
-        behind = _load_at(p, position, driving, force)
+        force = friction.settled(p.friction.operators, stops, load - beyond - carried, factor) + carried
+        constant = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * position).constant
+        behind = _load_at(p, position, driving - beyond, force)
+        current = min(max(current - beyond / constant, -p.drive.current_limit), p.drive.current_limit)
     memory = Memory(
-        time, _NEVER, -math.inf, 0.0, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0, 0.0
+        time, _NEVER, -math.inf, current, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0, 0.0
     )  # fmt: skip
     seen = plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
     here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)
-    return State(NO_COMMANDS, here, p.drive.offset, position, 0.0, force, stops, bristle, memory)
+    held = drive_effects.called_for(p.drive, current - p.drive.offset)
+    commands: Line = (held, held, held, held, held, held, held, held)
+    return State(commands, here, current, position, 0.0, force, stops, bristle, memory)
 
 
 def in_motion(p: Stage, x: State, velocity: float, current: float, dt: float) -> State:
@@ -65,17 +82,19 @@ def read(p: Stage, measured: float) -> float:
 
 
 @kernel
-def efforts(p: Stage, position: float, time: float, behind: float) -> tuple[float, float]:
-    """Efforts on motor and load (N m | N) of an axis at rest, its load `behind` (rad | m), before any friction."""
+def efforts(p: Stage, position: float, now: tuple[float, float], behind: float) -> tuple[float, float]:
+    """Efforts on motor and load (N m | N) of an axis at rest, its load `behind` (rad | m), before any friction.
+
+    `now` is the session clock (s) and the motor current (A).
+    """
     bodies = Bodies(position, 0.0, position, 0.0, 0.0, 0.0)
     motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * position)
     path = plant_with_effects.Path(0.0, position, position, 0.0)
     against = transmission.pulled(p.mechanics, behind, 0.0)
     if p.residual.coordinate != effects.NONE:
-        now = (p.drive.offset, time)
-        place = plant_with_effects.coordinate(p.residual.coordinate, p.mechanics.pitch, bodies, path, now)
+        place = plant_with_effects.coordinate(p.residual.coordinate, p.mechanics.pitch, bodies, path, (now[1], now[0]))
         against += effects.looked_up(p.residual, place)
-    return motor.constant * p.drive.offset + motor.cogging, p.mechanics.bias - against
+    return motor.constant * now[1] + motor.cogging, p.mechanics.bias - against
 
 
 @kernel
@@ -90,6 +109,15 @@ def _limits(p: Stage, position: float, time: float, driving: float, load: float)
     side = 1.0 + math.copysign(p.friction.asymmetry, p.friction.asymmetry * load)
     rise = friction.stribeck(p.friction.stribeck, 0.0)
     return max(place + pressed, 0.0) * side, max(place * rise + pressed, 0.0) * side
+
+
+@kernel
+def _beyond(p: Friction, load: float, share: float, factor: float) -> float:
+    """What friction does not carry of a `load` (N m | N): at rest a current does."""
+    most = friction_bristle.holding(p.bristle, share)
+    for j in range(len(p.operators.weight)):
+        most += p.operators.weight[j] * factor
+    return load - min(max(load, -most), most)
 
 
 @kernel

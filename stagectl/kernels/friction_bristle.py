@@ -95,8 +95,14 @@ def _less(n: float, y: float) -> float:
 @kernel
 def settled(p: Bristle, load: float, share: float = 1.0) -> float:
     """Deflection (rad | m) with which the bristle carries `load` (N m | N) at rest, up to `share` of what holds it."""
-    holds = share * p.coulomb * friction.stribeck(p.stribeck, 0.0)
+    holds = holding(p, share)
     return min(max(load, -holds), holds) / p.stiffness
+
+
+@kernel
+def holding(p: Bristle, share: float = 1.0) -> float:
+    """What it carries at rest (N m | N), at most."""
+    return share * p.coulomb * friction.stribeck(p.stribeck, 0.0)
 
 
 def slipping(p: Bristle, velocity: float) -> float:

@@ -84,6 +84,20 @@ AT_REST = State(feedback.AT_REST, cascade.AT_REST, observer.AT_REST)
 
 
 @kernel
+def carrying(x: State, more: float) -> State:
+    """The memory `x` with a feedback that gives `more` (A) from now on: of the two, the one that acts."""
+    pid, outer, held = x.feedback, x.cascade, x.unloading
+    return State(
+        feedback.State(pid.error, pid.integral + more, pid.derivative),
+        cascade.State(outer.error, outer.integral + more, outer.filtered + more, outer.last, outer.before),
+        x.observer,
+        unloading.State(
+            held.carried + more, held.unloaded, held.sense, held.bristle, held.left, held.low, held.high
+        ),
+    )  # fmt: skip
+
+
+@kernel
 def limited(p: Law, command: float) -> float:
     """`command` (A) within the limit."""
     if command > p.current_limit:

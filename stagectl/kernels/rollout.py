@@ -36,14 +36,23 @@ class Loop(NamedTuple):
 
 
 @kernel
+def holding(plant: stage.State) -> law.State:
+    """The law as it begins: it gives what holds a plant that stands, see `equilibrium.standing`."""
+    if plant.velocity != 0.0 or plant.commands[0] == 0.0:
+        return law.AT_REST
+    return law.carrying(law.AT_REST, plant.commands[0])
+
+
+@kernel
 def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: int) -> stage.State:
     """Run all periods of `inputs` = (setpoints (n, 8), noise (n, 2 or 3), rows (n, WIDTH) to be filled).
 
+    A plant at rest is held by the law, which has stood there before.
     Returns the plant at the end.  Position and current are latched at the start of each period, then the law
     runs, then the plant takes its command: with `delay_samples` = nd this is the order of the real cycle.
     """
     setpoints, noises, rows = inputs
-    x, steps = law.AT_REST, stage.steps(p.stage, dt, substeps)
+    x, steps = holding(plant), stage.steps(p.stage, dt, substeps)
     for k in range(len(setpoints)):
         r = setpoints[k]
         setpoint = law.Setpoint(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])

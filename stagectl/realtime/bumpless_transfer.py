@@ -28,16 +28,7 @@ def loaded(p: law.Law, asked: law.Setpoint, measured: float, current: float) -> 
 def _carrying(p: law.Law, start: law.State, asked: law.Setpoint, measured: float, current: float) -> law.State:
     """The state `start` with an integral that makes the command of this period `current` (A)."""
     after, _ = law.step(p, start, asked, measured)
-    missing = current - after.command
-    if p.cascaded:  # the integral passes the force filter: of what is added now only this share comes out now
-        outer = start.cascade
-        missing /= 1.0 - p.cascade.retained
-        start = start._replace(cascade=outer._replace(integral=outer.integral + missing))
-    else:
-        inner = start.feedback
-        start = start._replace(feedback=inner._replace(integral=inner.integral + missing))
-    held = start.unloading  # what was taken at rest is as large as before
-    return start._replace(unloading=held._replace(carried=held.carried + missing))
+    return law.carrying(start, current - after.command)
 
 
 def shifted(x: law.State, by: float) -> law.State:

@@ -11,10 +11,15 @@ from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.metadata import read_law
 
 
-def recomputed(p: law.Law, setpoints: NDArray[np.float64], measured: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The terms (n, 7) of `law.Output` that the law gives for setpoints (n, 8) and positions (n,), from rest."""
-    out = np.zeros((len(measured), len(law.Output._fields)))
-    rollout.answers(p, law.AT_REST, (np.ascontiguousarray(setpoints), np.ascontiguousarray(measured), out))
+def recomputed(
+    p: law.Law, setpoints: NDArray[np.float64], measured: NDArray[np.float64], held: float = 0.0
+) -> NDArray[np.float64]:
+    """The terms (n, 7) of `law.Output` that the law gives for setpoints (n, 8) and positions (n,).
+
+    It begins at rest, with `held` (A) in its integral.
+    """
+    out, begins = np.zeros((len(measured), len(law.Output._fields))), law.carrying(law.AT_REST, held)
+    rollout.answers(p, begins, (np.ascontiguousarray(setpoints), np.ascontiguousarray(measured), out))
     return out
 
 
@@ -40,7 +45,11 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
         raise RecordingError(reason, recording.path, ProblemKind.MISSING)
     recording.filled("replay")
     setpoints = np.stack([recording.column(name) for name in law.Setpoint._fields], axis=1)
-    return recomputed(read_law(recording.meta["law"]), setpoints, recording.column("measured"))
+    running, measured = read_law(recording.meta["law"]), recording.column("measured")
+    again = recomputed(running, setpoints, measured)
+    number = law.OUTPUT_COLUMNS["integral"]
+    held = recording.column("integral")[:1] - again[:1, number]  # what the axis was held with before
+    return recomputed(running, setpoints, measured, float(held[0])) if np.any(held) else again
 
 
 def replay(recording: Recording) -> dict[str, Any]:

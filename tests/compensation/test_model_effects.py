@@ -14,19 +14,20 @@ from stagectl.design import DesignError
 from stagectl.gap.effects.effect import Definition, Scales
 from stagectl.gap.effects.library import EFFECTS, answered, definitions, left_out
 from stagectl.kernels import inverse, unloading
-from stagectl.kernels.effects import Warming
+from stagectl.kernels.effects import Harmonic, Warming
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.kernels.plant import Transmission
 from stagectl.kernels.stage import Stage
 from stagectl.plan import Plan, Start, plan
 from stagectl.simulation import simulate
+from stagectl.trajectories import Dwell
 from stagectl.trajectories.periodic import Sine
 from stagectl.trajectories.profiles import SCurve
 
 # Sizes of the ball screw on these motions; a step of the friction falls into them.
 SCALES = Scales(
     1.0, 0.14, 0.010, 0.72, 15e-6 / 12e-3 * 2 * math.pi, 30.0, 0.0, 5.2, 3.0, 2 * math.pi, 5e-4,
-    session=(0.0, 0.5, 1.0), orders={"encoder_interpolation": (1024.0,)},
+    session=(0.0, 0.5, 1.0), rotates=True, orders={"encoder_interpolation": (1024.0,), "cogging": (4.0,)},
 )  # fmt: skip
 MOTIONS: dict[str, Sine | SCurve] = {
     "sine of 2 mm": Sine(2e-3, 3.2, 2.0, 1.0),
@@ -45,7 +46,9 @@ WITHIN = {"backlash": 3.0}
 # at rest, which serves a gap, too: 195 nm and no longer 470.  A gap of twice the right size is crossed too far: 430 nm,
 # as before.  It is worse than none beyond 1.2 times.
 OVERDONE = {"backlash": 2.3}
-MANY = {"backlash", "compliance"}  # of four times the typical load nothing would be left for the motor
+# Of four times the typical load nothing would be left for the motor.  Four times the typical weight, 8 A from one side
+# to the other, and four times a typical map, 7.5 A, are more than their share of the current limit: another test.
+MANY = {"backlash", "compliance", "gravity", "cogging_map"}
 
 
 def having(p: Stage, effect: Definition, times: float) -> Stage:
@@ -57,7 +60,7 @@ def having(p: Stage, effect: Definition, times: float) -> Stage:
     return effect.apply(p, values)
 
 
-def peak(known: Setup, machine: Setup, motion: Sine | SCurve) -> float:
+def peak(known: Setup, machine: Setup, motion: Sine | SCurve | Dwell) -> float:
     """Largest error (nm) of the controller of one model on another."""
     laid_out = plan(known, motion, known.controller.feedforward)
     error = simulate(known, laid_out, known.controller.law, machine)["error"]
@@ -88,6 +91,43 @@ def test_a_known_effect_costs_no_accuracy(
         assert peak(machine, machine, MOTIONS[motion]) <= WITHIN.get(name, 1.5) * least, motion
 
 
+def weighted(p: Stage, bias: float = 0.0, weight: float = 0.0) -> Stage:
+    """The stage with a force (N m) that does not depend on the position, and a weight (N m) that turns with it."""
+    gravity = Harmonic(weight, 1.0, 0.5 * math.pi)
+    return p._replace(mechanics=p.mechanics._replace(bias=bias, gravity=gravity))
+
+
+@pytest.mark.parametrize(("bias", "weight"), [(-2.0, 0.0), (4.0, 0.0), (0.0, 1.5)])
+def test_an_axis_that_its_friction_does_not_hold_is_held_before_it_moves(
+    bias: float, weight: float, ball_screw: Setup, plain_peaks: dict[str, float]
+) -> None:
+    """Friction carries 1 N m; a loop that began without the rest would let the axis fall by micrometres first."""
+    machine = ball_screw._replace(stage=weighted(ball_screw.stage, bias, weight))
+    for motion, least in plain_peaks.items():
+        assert peak(machine, machine, MOTIONS[motion]) <= 1.5 * least, motion
+
+
+def test_a_loop_that_does_not_know_what_holds_the_axis_holds_it(ball_screw: Setup) -> None:
+    """Without the layer, and with a model that has no weight: the rest before the motion is the machine's."""
+    machine = ball_screw._replace(stage=weighted(ball_screw.stage, bias=-2.0))
+    at_rest = Dwell(0.2)
+    assert peak(ball_screw, machine, at_rest) <= COUNT["stop and go"]
+
+
+def test_a_map_with_fast_harmonics_comes_through_the_current_loop(
+    ball_screw: Setup, plain_peaks: dict[str, float]
+) -> None:
+    """Up to 67 Hz, and a little more than all effects may have: without `Hold.taken` the peaks are up to 2.2 times.
+
+    Cut off at the limit in 5 to 78 periods, it is not within 1.5 on all motions.
+    """
+    machine = ball_screw._replace(stage=having(ball_screw.stage, DEFINITIONS["cogging_map"], 4.0))
+    for name, least in plain_peaks.items():
+        (limited,) = plan(machine, MOTIONS[name], machine.controller.feedforward).limited
+        assert limited.place == "" and limited.demanded < 1.01 * limited.most
+        assert peak(machine, machine, MOTIONS[name]) <= 1.7 * least, name
+
+
 @pytest.mark.parametrize("load_friction", [0.4, 0.9])
 def test_a_gap_whose_contact_lasts_for_periods_costs_no_accuracy(
     load_friction: float, ball_screw: Setup, plain_peaks: dict[str, float]
@@ -110,8 +150,7 @@ def test_a_gap_that_asks_for_more_than_its_share_gets_the_same_momentum(motion: 
 
 
 def test_every_effect_that_a_current_answers_is_tried() -> None:
-    unsized = {"gravity", "cogging_map"}  # before a log is seen
-    assert set(answered()) - set(DEFINITIONS) == unsized
+    assert set(answered()) == set(DEFINITIONS)
     assert len(DEFINITIONS) >= 20
     assert {effect.answer for effect in EFFECTS.values()} == {"current", "map", "design", "none"}
 
