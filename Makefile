@@ -36,8 +36,8 @@ vm: $(DEVELOPER)
 zoo: $(DEVELOPER)
 	STAGECTL_ZOO=all $(BIN)/pytest -n 2 tests/zoo
 
-# What takes too long for each change: every foreign drive, 50 second masters, both papers whole, more records, damaged
-# logs and drawn requests, 200 stops under attack, the virtual machine.
+# What takes too long for each change: every foreign drive, 50 second masters, every page of the manual with both papers
+# whole, more diagnoses, records, damaged logs and drawn requests, 200 stops under attack, the virtual machine.
 nightly: zoo
 	STAGECTL_SECOND_MASTERS=50 $(BIN)/pytest tests/test_second_master.py
 	STAGECTL_PRINTED=all $(BIN)/pytest tests/test_printed.py

@@ -32,7 +32,17 @@ SHORTER = {
 MAY_SAY_NO = ("stagectl doctor",)
 SLOW = ("stagectl gap diagnose session", "stagectl gap diagnose bench-session")
 # Whole papers, a minute and a half: `tests/studies` holds each part with fewer runs, `make nightly` types them.
-NIGHTLY = () if os.environ.get("STAGECTL_PRINTED") == "all" else ("stagectl reproduce",)
+WHOLE = os.environ.get("STAGECTL_PRINTED") == "all"
+PAPERS = ("stagectl reproduce",)
+# Other pages type each verb of these lines and pages, with each option, but for a few: `make nightly` types all.
+REPEATED = ("stagectl tune my-stage.yaml", "stagectl compare my-stage.yaml")
+REPEATING = ("bench.md", "tutorial-bench.md")
+NIGHTLY = () if WHOLE else (*PAPERS, *REPEATED)
+ELSEWHERE = {
+    *(("drive accept", option) for option in ("", "--yes", "--person", "-o")),  # `tests/test_acceptance.py`
+    ("virtual-drive", "--machine-of-the-day"),  # `tests/api/test_commission.py`: its drive is started so
+}
+GROUPS = ["identify", *(name for name, command in ROOT_COMMAND.commands.items() if hasattr(command, "commands"))]
 WITHIN = re.compile(r"`((?:sudo )?(?:\.venv/bin/)?stagectl [a-z][^`]*)`")
 
 # Rows of the tutorials' tables, and the recording that each is about.
@@ -98,7 +108,10 @@ PAGES = [
 ]
 
 
-@pytest.mark.parametrize(("reader", "least"), PAGES, indirect=["reader"], ids=[page for page, _ in PAGES])
+TYPED = [(page, least) for page, least in PAGES if WHOLE or page not in REPEATING]
+
+
+@pytest.mark.parametrize(("reader", "least"), TYPED, indirect=["reader"], ids=[page for page, _ in TYPED])
 def test_every_command_runs_as_printed(reader: Reader, least: int, request: pytest.FixtureRequest) -> None:
     """In order, in one folder, as a reader would.  The diagnosis is put there: it takes minutes."""
     page = str(request.node.callspec.id)
@@ -143,6 +156,22 @@ def test_a_line_that_fails_beside_a_service_says_what_the_service_saw(reader: Re
 
 def test_every_page_with_commands_is_read() -> None:
     assert {page.name for page in DOCS.glob("*.md") if commands(page.name)} <= {page for page, _ in PAGES}
+
+
+def used(lines: list[str]) -> set[tuple[str, str]]:
+    """Each verb in these lines, with each of its options and without."""
+    found = set()
+    for words in (shlex.split(line, comments=True) for line in lines):
+        verb = " ".join(words[1:3] if words[1] in GROUPS else words[1:2])
+        found |= {(verb, ""), *((verb, word) for word in words if word.startswith("-"))}
+    return found
+
+
+def test_what_is_left_to_the_night_is_typed_by_day_on_another_page() -> None:
+    typed = [(page, line) for page, _ in PAGES for line in commands(page) if line.startswith("stagectl ")]
+    night = [line for page, line in typed if page in REPEATING or line.startswith(REPEATED)]
+    day = [line for page, line in typed if page not in REPEATING and not line.startswith((*PAPERS, *REPEATED))]
+    assert used(night) - ELSEWHERE <= used(day)
 
 
 @pytest.mark.skipif(bool(NIGHTLY), reason="takes a minute: `make nightly`; `tests/gap` closes such a gap")

@@ -152,11 +152,10 @@ def test_replay_begins_with_what_held_the_axis(file: str, tmp_path: Path) -> Non
     assert replay(recording)["identical"]
 
 
-def start_moving(tmp_path: Path, name: str) -> subprocess.Popen[bytes]:
+def start_moving(channel: Path, path: Path) -> subprocess.Popen[bytes]:
     """``stagectl run`` in a process group of its own, well into its motion."""
-    path = tmp_path / name
     command = [sys.executable, "-m", "stagectl", "run", str(STAGE), str(CONFIG / "trajectories" / "sine-0.8hz.yaml")]
-    command += ["--channel", str(tmp_path / "bus"), "-o", str(path)]
+    command += ["--channel", str(channel), "-o", str(path)]
     process = subprocess.Popen(command, cwd=ROOT, start_new_session=True, stderr=subprocess.DEVNULL)
     end = time.monotonic() + 60.0  # the machine is shared; a run that has ended is not waited for
     while time.monotonic() < end and process.poll() is None:
@@ -201,7 +200,7 @@ def is_lean(loop: int) -> bool:
 def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
     """The drive stops by itself within its time-out; the recording lacks at most its last block."""
     with drive(STAGE, tmp_path / "bus") as virtual:
-        run = start_moving(tmp_path, "killed.h5")
+        run = start_moving(tmp_path / "bus", tmp_path / "killed.h5")
         modules = members(run.pid)
         assert is_lean(modules["stagectl.realtime.axes"])
         rows = len(open_recording(tmp_path / "killed.h5").samples)
@@ -231,12 +230,20 @@ def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
         assert recording.ended == "the loop process died"
 
 
+@pytest.fixture(scope="module")
+def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The channel of a virtual drive that outlasts its controllers."""
+    channel = tmp_path_factory.mktemp("drive") / "bus"
+    with drive(STAGE, channel):
+        yield channel
+
+
 @pytest.mark.parametrize(
     ("tell", "number"),
     [(os.kill, signal.SIGINT), (os.kill, signal.SIGTERM), (os.killpg, signal.SIGHUP), (os.killpg, signal.SIGINT)],
 )
 def test_a_signal_stops_the_axis_and_keeps_the_recording(
-    tmp_path: Path, tell: Callable[[int, int], None], number: int
+    bus: Path, tmp_path: Path, tell: Callable[[int, int], None], number: int
 ) -> None:
     """Of the command alone, or, as a terminal does, of all its processes.
 
@@ -245,10 +252,9 @@ def test_a_signal_stops_the_axis_and_keeps_the_recording(
     before = signal.signal(signal.SIGINT, signal.SIG_IGN if tell is os.kill else signal.SIG_DFL)
     hung_up = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # also where the tests run under `nohup`
     try:
-        with drive(STAGE, tmp_path / "bus"):
-            run = start_moving(tmp_path, "told.h5")
-            tell(run.pid, number)
-            assert run.wait(timeout=60) == 130
+        run = start_moving(bus, tmp_path / "told.h5")
+        tell(run.pid, number)
+        assert run.wait(timeout=60) == 130
     finally:
         signal.signal(signal.SIGINT, before)
         signal.signal(signal.SIGHUP, hung_up)
@@ -259,7 +265,7 @@ def test_a_signal_stops_the_axis_and_keeps_the_recording(
 def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path) -> None:
     """kill -9 of `stagectl run` itself: its loop must not go on unattended."""
     with drive(STAGE, tmp_path / "bus") as virtual:
-        run = start_moving(tmp_path, "orphaned.h5")
+        run = start_moving(tmp_path / "bus", tmp_path / "orphaned.h5")
         os.kill(run.pid, signal.SIGKILL)
         run.wait(timeout=60)
         assert virtual.stdout is not None

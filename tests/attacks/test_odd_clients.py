@@ -24,9 +24,9 @@ from tests.service.serving import Served, free_port, served, within
 
 PORT = free_port()
 PATIENCE = 60.0  # s: the machine is shared
-GROWTH = 32 << 20  # bytes that the service may grow by under a flood of 64 MB
-FLOOD = 64 << 20  # bytes
-FIGHT = 6.0  # s
+GROWTH = 16 << 20  # bytes that the service may grow by under a flood of 32 MB
+FLOOD = 32 << 20  # bytes
+FIGHT = 2.0  # s
 SINE = "{type: sine, amplitude: %s, frequency: %s, periods: %s}"
 HEADING = "time_s,reference_mm\n"
 DEEP, LONG = "[" * 16000, "9" * 5000

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+import pytest
 from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options, draw
 
@@ -11,6 +13,9 @@ from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import DiagnosisResult
+
+LONG = bool(os.environ.get("STAGECTL_LONG"))
+by_night = pytest.mark.skipif(not LONG, reason="another diagnosis goes through the same code: `make nightly`")
 
 
 def drawn(

@@ -1,6 +1,6 @@
 """Damaged logs: cut, thinned, scaled, frozen, noisy, with lost rows.  None raises anything but a word on the log.
 
-Ten are tried; `STAGECTL_LONG=2000` tries as many as it says.
+Five are tried; `STAGECTL_LONG=2000` tries as many as it says.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.gap import diagnose
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.recording.hdf5 import RecordingError
+from tests.gap.drawn import diagnosed
 from tests.recording import damage
 
-COUNT = max(int(os.environ.get("STAGECTL_LONG", "10")), 10)
+COUNT = max(int(os.environ.get("STAGECTL_LONG", "5")), 5)
 STAGE = "stage: {force_constant: 0.055, inertia: 2.5e-4, encoder_step: 7.67e-4}\n"
 NOT_NEGATIVE = ("inertia", "viscous", "coulomb", "dead_time", "presliding", "current_limit", "resonance", "damping")
 
@@ -95,7 +95,7 @@ def test_a_damaged_log_is_refused_or_answered(tmp_path: Path, seed: int) -> None
     (tmp_path / "nominal.yaml").write_text(STAGE)
     try:
         session = load([tmp_path])
-        result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+        result = diagnosed(session)
     except (GapError, RecordingError):
         return  # with a word on what is wrong with the log
     check(result)

@@ -17,7 +17,7 @@ from stagectl.gap.result.result_json import as_json
 from stagectl.gap.steps import BEGINS, Step
 from stagectl.gap.validation import rollouts
 from tests.gap.captured import SINE, TRAPEZOID, exported, recorded
-from tests.gap.drawn import diagnosed, drawn
+from tests.gap.drawn import by_night, diagnosed, drawn
 
 FAST, SLOW = "sine-5.0 multisine-1 held-sine-b", "micro-8 sine-1.6 held-sine-b held-micro"
 
@@ -42,7 +42,7 @@ def test_one_hidden_effect(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("effect", "experiments"),
-    [("current_gain", FAST), ("cogging", "scan sine-1.6 held-sine-b")],
+    [("current_gain", FAST), pytest.param("cogging", "scan sine-1.6 held-sine-b", marks=by_night)],
 )
 def test_a_small_effect_that_is_all_of_the_gap_is_named_and_no_unknown(
     tmp_path: Path, effect: str, experiments: str
@@ -52,13 +52,14 @@ def test_a_small_effect_that_is_all_of_the_gap_is_named_and_no_unknown(
     assert result.verdict == "effects" and _named(result) == [effect]
 
 
+@by_night
 def test_a_viscous_friction_that_bends_downwards_is_no_stribeck_friction(tmp_path: Path) -> None:
     """Less than linear by a power of the speed: the exponent and its share come out with their intervals."""
     result = diagnosed(drawn(tmp_path, 3, "viscous_nonlinear", scale=2.0, experiments="stairs sine-5.0 held-sine-b"))
     assert result.verdict == "effects" and _named(result) == ["viscous_nonlinear"]
 
 
-@pytest.mark.parametrize("seed", [3, 4])  # early, late
+@pytest.mark.parametrize("seed", [pytest.param(3, marks=by_night), 4])  # early, late
 def test_a_report_of_the_current_is_late_by_what_its_staircase_shows(tmp_path: Path, seed: int) -> None:
     """Half a period, of currents that are where they go to after a third of one: fast motions show all of it."""
     result = diagnosed(drawn(tmp_path, seed, "time_shift", scale=1.0, experiments=FAST))
@@ -68,7 +69,7 @@ def test_a_report_of_the_current_is_late_by_what_its_staircase_shows(tmp_path: P
     assert value.low < value.value < value.high and value.high - value.low < 0.1e-3
 
 
-@pytest.mark.parametrize(("seed", "damping"), [(5, 5.0), (4, 0.466)])
+@pytest.mark.parametrize(("seed", "damping"), [(5, 5.0), pytest.param(4, 0.466, marks=by_night)])
 def test_a_slower_current_loop_is_no_time_shift(tmp_path: Path, seed: int, damping: float) -> None:
     """Of first order, and of second order with overshoot: 0.2 ms more lag."""
     result = diagnosed(drawn(tmp_path, seed, "current_loop", scale=1.0, experiments=FAST))

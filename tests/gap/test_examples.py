@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.gap.drawn import diagnosed, drawn
+from tests.gap.drawn import by_night, diagnosed, drawn
 
 
+@by_night
 def test_a_weak_effect_behind_a_strong_one(tmp_path: Path) -> None:
     diagnosis = diagnosed(drawn(tmp_path, 41, "viscous_nonlinear", "cogging", scale=1.0))
     effects = [effect for effect in diagnosis.named if not effect.parameter]
@@ -32,6 +33,7 @@ def test_an_effect_that_is_in_no_library(tmp_path: Path) -> None:
     assert diagnosis.gap.closure > 0.6
 
 
+@by_night
 def test_a_drift_that_ends_early_behind_a_strong_effect(tmp_path: Path) -> None:
     """The axis is warm after the first round: what is left out of the data must not be that round alone."""
     diagnosis = diagnosed(drawn(tmp_path, 43, "cable_spring", "thermal_coulomb", scale=2.0))

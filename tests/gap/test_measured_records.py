@@ -1,13 +1,15 @@
 """Measured records: nothing absurd is said of any, and what is said is near what others found with these machines.
 
-`STAGECTL_LONG=1` has more joints of the robot.
+The same logs in other units, mirrored, later, shifted or in another order have the same answer: all changes are made at
+once, as an answer that stays minds none of them.  `STAGECTL_LONG=1` makes them one by one, on more records.
 """
 
 from __future__ import annotations
 
 import math
-import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -16,13 +18,15 @@ from stagectl.gap.logs.session import Session
 from stagectl.gap.logs.unit_check import check_units, inertia_doubt
 from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect
 from tests.gap import measured
+from tests.gap.drawn import LONG, by_night, diagnosed
+from tests.gap.relations import RELATIONS, at_once, stronger
 
 
 def answer(session: Session, excluded: tuple[str, ...] = ()) -> DiagnosisResult:
     """The diagnosis, checked for what no answer may say."""
     check_units(session)
     assert inertia_doubt(session) == ""
-    result = diagnose.diagnose(session, diagnose.Options(excluded, advice=False), lambda _: None).result
+    result = diagnosed(session, *excluded)
     largest = (
         max(float(abs(log.current).max()) for log in session.logs if log.current is not None)
         if any(log.current is not None for log in session.logs)
@@ -70,24 +74,61 @@ def test_emps_has_no_delay_of_a_period_and_an_asymmetry() -> None:
     assert sum(base.friction.operators.weight) + base.friction.bristle.coulomb == pytest.approx(20.4, rel=0.05)
 
 
-JOINTS = [(1, 5.5, 21.26, 12.55), (4, 0.5, 3.58, 2.0), (3, 2.0, 10.38, 4.99), (6, 0.3, 3.03, 2.3)]
+MAPS = ("lead_friction", "position_friction")  # the published friction of the robot is the same everywhere
+JOINTS = {"joint 4": (3.58, 2.0), "joint 1": (21.26, 12.55), "joint 3": (10.38, 4.99), "joint 6": (3.03, 2.3)}
+RECORDS: dict[str, Callable[[Path], Session]] = {
+    "joint 4": lambda place: measured.ur10e(place, 4, 0.5),
+    "joint 1": lambda place: measured.ur10e(place, 1, 5.5),
+    "joint 3": lambda place: measured.ur10e(place, 3, 2.0),
+    "joint 6": lambda place: measured.ur10e(place, 6, 0.3),
+    "pulses": lambda place: measured.cnc(place, "Pulse_6Nm_10ms", "Pulse_9Nm_10ms", "Pulse_9Nm_20ms"),
+    "slow motor": lambda place: measured.odrive(place, "slow2_nocomp_0", "slow2_nocomp_1"),
+    "torque steps": lambda place: measured.hsm150(place, "idf_neg_0.04_1", "idf_pos_0.06_1"),
+}
+MOVED = 0.05  # by which a probability may move
 
 
-@pytest.mark.parametrize(
-    ("joint", "inertia", "viscous", "coulomb"), JOINTS if os.environ.get("STAGECTL_LONG") else JOINTS[:2]
-)
-def test_a_joint_has_the_published_friction(
-    tmp_path: Path, joint: int, inertia: float, viscous: float, coulomb: float
-) -> None:
+class Known(NamedTuple):
+    """A record, and what is said of it as it is."""
+
+    name: str
+    session: Session
+    excluded: tuple[str, ...]
+    result: DiagnosisResult
+
+
+@pytest.fixture(scope="module")
+def known(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Known:
+    session = RECORDS[request.param](tmp_path_factory.mktemp("record"))
+    excluded = MAPS if request.param in JOINTS else ()
+    return Known(request.param, session, excluded, answer(session, excluded))
+
+
+@pytest.mark.parametrize("known", JOINTS if LONG else ["joint 4"], indirect=True)
+def test_a_joint_has_the_published_friction(known: Known) -> None:
     """Within 20 % of the values published with the record; gravity where the joint's axis is not vertical.
 
     Their friction is the same everywhere: along the turn, as joint 1 has it, its viscous part is 26 +- 15 N m s/rad.
     """
-    result = answer(measured.ur10e(tmp_path, joint, inertia), ("lead_friction", "position_friction"))
-    assert named(result, "viscous").parameters["viscous"].value == pytest.approx(viscous, rel=0.2)
-    assert named(result, "coulomb").parameters["coulomb"].value == pytest.approx(coulomb, rel=0.21)
-    assert ("gravity" in {effect.name for effect in result.named}) == (joint in (2, 3, 4))
-    assert result.gap.closure > 0.9
+    viscous, coulomb = JOINTS[known.name]
+    assert named(known.result, "viscous").parameters["viscous"].value == pytest.approx(viscous, rel=0.2)
+    assert named(known.result, "coulomb").parameters["coulomb"].value == pytest.approx(coulomb, rel=0.21)
+    assert ("gravity" in {effect.name for effect in known.result.named}) == (known.name in ("joint 3", "joint 4"))
+    assert known.result.gap.closure > 0.9
+
+
+@pytest.mark.parametrize("known", RECORDS if LONG else ["joint 4"], indirect=True)
+@pytest.mark.parametrize("relation", RELATIONS if LONG else [at_once], ids=lambda relation: relation.__name__)
+def test_the_answer_stays(known: Known, relation: Callable[[Session], Session]) -> None:
+    before = known.result
+    after = diagnosed(relation(known.session), *known.excluded)
+    assert after.verdict == before.verdict
+    old, new = ({effect.name: effect.probability for effect in result.effects} for result in (before, after))
+    for name in {*old, *new}:
+        assert abs(old.get(name, 0.0) - new.get(name, 0.0)) <= MOVED, name
+    scale = 1e3 if relation in (stronger, at_once) else 1.0
+    assert after.gap.before == pytest.approx(scale * before.gap.before, rel=0.02)
+    assert after.gap.after == pytest.approx(scale * before.gap.after, rel=0.05)
 
 
 def test_pulses_show_the_limit_of_the_drive(tmp_path: Path) -> None:
@@ -123,5 +164,6 @@ def test_steps_of_torque_give_the_mechanics_of_the_catalogue(tmp_path: Path) -> 
     assert base.inertia == pytest.approx(1.2e-4, rel=0.15) and base.viscous == pytest.approx(7.03e-5, rel=0.2)
 
 
+@by_night
 def test_one_direction_is_no_obstacle(tmp_path: Path) -> None:
     answer(measured.hsm150(tmp_path, "idf_neg_0.04_2"))

@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import sensitivities
-from stagectl.gap.selection import drive_alikes, linearised, material, refine, select, starting_places, waves
+from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, starting_places, waves
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
@@ -146,3 +146,16 @@ def test_the_place_where_a_fit_begins_is_looked_for_where_most_is_missing(monkey
     assert [valued.values for valued in found] == [{"place": 2}]
     assert sorted(place for count, place in tried if count == 1) == list(range(8))
     assert sorted(place for count, place in tried if count == 2) == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("share", "alone"), [(0.9, True), (1.1, False)])
+def test_one_effect_that_explains_nearly_all_of_what_several_do_is_taken_alone(
+    monkeypatch: pytest.MonkeyPatch, share: float, alone: bool
+) -> None:
+    """`share`: of what it may leave."""
+    now, together = (SimpleNamespace(residual_sum_of_squares=left) for left in (1100.0, 100.0))
+    fits = {"large": SimpleNamespace(residual_sum_of_squares=100.0 + share * constants.ONE_OF_MANY * 1000.0)}
+    fits["small"] = SimpleNamespace(residual_sum_of_squares=900.0)
+    monkeypatch.setattr(select, "_grown", lambda e, now, added, starts: fits.get(added[0]))
+    given: Any = (None, now, ["small", "large", "diverged"], [], together)
+    assert select._first_of(*given) is (fits["large"] if alone else together)

@@ -10,10 +10,10 @@ import pytest
 
 import stagectl as sc
 from stagectl.config.stage_file import load_stage
-from stagectl.gap import diagnose
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from tests.conftest import CONFIG
+from tests.gap.drawn import diagnosed
 
 PERIOD = 2.5e-3  # m, of the ripple
 FRICTION = """\
@@ -44,7 +44,7 @@ def _answer(folder: Path, ripple: float) -> DiagnosisResult:
     rows = np.column_stack([ran[name] for name in names])
     np.savetxt(folder / "log.csv", rows, delimiter=",", header=",".join(names.values()), comments="", fmt="%.10g")
     session = load([folder / "log.csv"], load_stage(CONFIG / "emps.yaml"))
-    return diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    return diagnosed(session)
 
 
 def test_a_fine_ripple_is_named_by_its_line(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def test_the_list_is_complete(undisturbed: Result) -> None:
     assert 10 < requests(undisturbed.diary) <= LAST
 
 
-@pytest.mark.parametrize("count", sample(POINTS, POINTS[::20]))
+@pytest.mark.parametrize("count", sample(POINTS, POINTS[::40]))
 def test_it_is_fully_set_up_or_not_enabled(count: int, undisturbed: Result, tmp_path: Path) -> None:
     if count > requests(undisturbed.diary):
         pytest.skip("the set-up has fewer SDOs")

@@ -13,7 +13,7 @@ from stagectl.gap.inference import constant_force
 from stagectl.gap.result.diagnosis import FoundEffect
 from stagectl.gap.selection import refine, select
 from tests.gap.captured import CONFIG, as_csv
-from tests.gap.drawn import diagnosed, drawn
+from tests.gap.drawn import by_night, diagnosed, drawn
 
 REVERSALS = "micro-8 sine-1.6 held-sine-b held-micro"
 
@@ -31,7 +31,9 @@ def of_foreign(effect: str, seed: int, experiments: str, folder: Path) -> dict[s
     return {found.name: found for found in diagnosed(drawn(folder, seed, effect, experiments=experiments)).named}
 
 
-@pytest.mark.parametrize("change", [{"friction.asymmetry": 0.05}, {"mechanics.bias": 0.04}])
+@pytest.mark.parametrize(
+    "change", [{"friction.asymmetry": 0.05}, pytest.param({"mechanics.bias": 0.04}, marks=by_night)]
+)
 def test_one_motion_leaves_the_two_in_doubt(tmp_path: Path, change: dict[str, float]) -> None:
     """In this law of friction they are one and the same but for the first reversal."""
     named = of_sine({**change, "simulation.current_noise": 45e-3}, tmp_path)
@@ -45,6 +47,7 @@ def test_a_viscous_asymmetry_is_no_constant_force(tmp_path: Path) -> None:
     assert named.name == "viscous_asymmetry" and size.low <= 0.1 <= size.high < 0.12
 
 
+@by_night
 def test_what_the_data_leave_open_is_in_doubt(tmp_path: Path) -> None:
     """A machine whose reversals tell the two apart hardly at all: about as probable as each other."""
     (found,) = of_foreign("bias", 41, "", tmp_path).values()
@@ -52,7 +55,8 @@ def test_what_the_data_leave_open_is_in_doubt(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("effect", "seed", "experiments"), [("bias", 42, REVERSALS), ("cable_spring", 2, "scan sine-1.6 held-sine-b")]
+    ("effect", "seed", "experiments"),
+    [("bias", 42, REVERSALS), ("cable_spring", 2, "scan sine-1.6 held-sine-b")],
 )
 def test_reversals_and_places_tell_them_apart(tmp_path: Path, effect: str, seed: int, experiments: str) -> None:
     """Where the law of friction does; a spring beside the middle of the travel gives a constant force, too.

@@ -14,13 +14,13 @@ from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
-from tests.gap.drawn import diagnosed, drawn
+from tests.gap.drawn import by_night, diagnosed, drawn
 
 
 @pytest.mark.parametrize(
     ("effect", "experiments", "coordinate", "block", "words"),
     [
-        ("base_vibration", "", "frequency", "mechanics", "oscillates"),
+        pytest.param("base_vibration", "", "frequency", "mechanics", "oscillates", marks=by_night),
         ("thermal_viscous", "sine-5.0 stairs held-sine-b", "time", "mechanics", "from run to run"),
         ("current_loop", "sine-5.0 multisine-1 held-sine-b", "frequency", "drive", "another current"),
     ],
