@@ -113,7 +113,8 @@ def linearised(
     if present & set(constants.SCALING):
         present.update(constants.SCALING)
     forms = tuple(form for form in (*library.forms, *refined) if form.effect.name not in present)
-    tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
+    excited = np.einsum("ckk->k", g.effort) + np.einsum("ckk->k", g.current) > 0.0
+    tried = [c for c in usual_sizes.of_effects(forms, g.places) if excited[list(c.prior.places)].all()]
     nuisances = parameters(e, now, g)
     small = [usual_sizes.immaterial(library.forms, g.places)] if traces else []
     left = left_of(g, nuisances, library.products, now)
@@ -228,8 +229,3 @@ def _start(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Con
 def strokes(e: Evidence) -> int:
     """Number of half strokes, repeats of one not counted."""
     return sum(len(spans(run.cluster)) for run in e.runs)
-
-
-def _excited(g: Grams, candidate: Candidate) -> bool:
-    """Whether the data have its columns at all."""
-    return all(g.both[:, k, k].sum() > 0.0 for k in candidate.prior.places)
