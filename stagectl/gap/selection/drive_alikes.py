@@ -22,10 +22,13 @@ def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
 
     Of later drives the one that explains more: what else was missing may have decided between them before.
     """
-    late = [valued for valued in now.effects if valued.effect.name in constants.TIMING]
+    late = [
+        valued for valued in now.effects if valued.effect.name in constants.TIMING
+    ]  # the one that it has is refined
     if not late and abs(now.model.shift) <= constants.LEAST_SHIFT * e.base.prior.dt:
         return now
-    tried = _later(e, library, now, [valued for valued in now.effects if valued not in late])
+    others = without_effects(library, {valued.effect.name for valued in late})
+    tried = _later(e, others, now, [valued for valued in now.effects if valued not in late])
     best = min([now, *tried], key=lambda fitted: fitted.residual_sum_of_squares)
     return best if late or stands(library, now, best) else now
 

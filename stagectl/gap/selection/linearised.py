@@ -49,6 +49,7 @@ class Remains(NamedTuple):
     floor: Array  # (c,) what of it repeats differ by
     samples: Array  # (c,) that count, of all repeats
     current: float  # sum of squares of the missing current
+    excess: Cuts = (0.0, 0.0)  # sum of squares above the floor
 
 
 class Library(NamedTuple):
@@ -132,8 +133,9 @@ def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
 def remains(e: Evidence, library: Library, now: Fitted) -> Remains:
     """What `now` leaves in each half stroke."""
     g = gram_matrices.grams(known(e, library, now), now.residuals)
-    effort = _strokes_left(g.effort, parameters(e, now, g))
-    return Remains(effort, g.floor[:, 0], samples(e), float(g.current[:, -1, -1].sum()))
+    nuisances, current = parameters(e, now, g), float(g.current[:, -1, -1].sum())
+    effort, left = _strokes_left(g.effort, nuisances), left_of(g, nuisances, library.products, now)
+    return Remains(effort, g.floor[:, 0], samples(e), current, left)
 
 
 def samples(e: Evidence) -> Array:
