@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal, norm
 
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
+from stagectl.gap.selection import evidence
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.constants import INCLUSION
 from stagectl.gap.selection.evidence import Candidate, Conditioned, Prior, compare, conditioned, gains, means, temper
@@ -90,6 +91,17 @@ def test_probabilities_are_those_of_all_sets_enumerated() -> None:
         expected = sum(value for s, value in weight.items() if k in s) / whole
         assert probability[name] == pytest.approx(expected, abs=1e-9)
     assert sum(verdict.of_sets().values()) == pytest.approx(1.0)
+
+
+def test_sets_that_are_left_out_are_worth_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    x, y = _data(8, 16, {0: 3.0, 5: -2.0, 9: 0.5})
+    tried = [Candidate(str(k), k, _prior((k,), 0.0, 1.0), 1.0) for k in range(16)]
+    few = compare(_start(x, y), tried, {})
+    monkeypatch.setattr(evidence, "NEGLIGIBLE", 1e-300)
+    every = compare(_start(x, y), tried, {})
+    assert len(few.sets) < len(every.sets)
+    assert {item.members for item in few.sets} >= {(), *((k,) for k in range(16))}
+    assert few.of_effects() == pytest.approx(every.of_effects(), abs=1e-5)
 
 
 def test_forms_and_scales_of_one_effect_share_its_prior_and_never_stand_together() -> None:

@@ -57,7 +57,8 @@ def test_what_makes_a_drive_late_is_decided_again_when_more_is_known(
     now = SimpleNamespace(
         model=model, effects=(effects[present], effects["lead_friction"]), residual_sum_of_squares=left[present]
     )
-    after = drive_alikes.on_time(cast("Any", None), cast("Any", SimpleNamespace(forms=forms)), cast("Any", now))
+    library = linearised.Library(cast("Any", tuple(forms)), cast("Any", None), (0.0, 0.0))
+    after = drive_alikes.on_time(cast("Any", None), library, cast("Any", now))
     assert {valued.effect.name for valued in after.effects} == {expected, "lead_friction"}
 
 
@@ -159,3 +160,41 @@ def test_one_effect_that_explains_nearly_all_of_what_several_do_is_taken_alone(
     monkeypatch.setattr(select, "_grown", lambda e, now, added, starts: fits.get(added[0]))
     given: Any = (None, now, ["small", "large", "diverged"], [], together)
     assert select._first_of(*given) is (fits["large"] if alone else together)
+
+
+@pytest.mark.parametrize(("rival", "steps"), [(math.inf, 4), (80.0, 4), (20.0, 2), (-1000.0, 1)])
+def test_a_fit_ends_where_no_further_step_brings_it_to_its_rival(
+    rival: float, steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sums of squares of 100, 90 and 85: eleven more steps of 10 come to -20, ten more of 5 to no less than 35."""
+    left = iter([90.0, 85.0, 84.0, 83.9])
+    taken: list[float] = []
+
+    def step(_: Any, now: Any) -> Any:
+        taken.append(next(left))
+        after = SimpleNamespace(effects=(), residual_sum_of_squares=taken[-1])
+        return after, now.residual_sum_of_squares - taken[-1], 0.0
+
+    monkeypatch.setattr(refine, "_fitted", lambda *_: SimpleNamespace(effects=(), residual_sum_of_squares=100.0))
+    monkeypatch.setattr(refine, "_step", step)
+    refine.refine(cast("Any", None), cast("Any", None), (), rival=rival)
+    assert len(taken) == steps
+
+
+def test_a_late_drive_that_the_model_has_is_not_fitted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("current_loop", "dead_time")
+    effects = {name: SimpleNamespace(effect=SimpleNamespace(name=name), values={}) for name in names}
+    forms = tuple(SimpleNamespace(effect=effects[name].effect, values=lambda _: {}, typical=()) for name in names)
+    library = linearised.Library(cast("Any", forms), cast("Any", None), (0.0, 0.0))
+    tried: list[str] = []
+
+    def fitted(_: Any, __: Any, kept: Any) -> Any:
+        tried.append(kept[-1].effect.name)
+        return SimpleNamespace(model=None, effects=kept, residual_sum_of_squares=300.0)
+
+    monkeypatch.setattr(refine, "refine", fitted)
+    monkeypatch.setattr(refine, "first_step", fitted)
+    model = SimpleNamespace(shift=0.0, _replace=lambda **_: None)
+    now = SimpleNamespace(model=model, effects=(effects["dead_time"],), residual_sum_of_squares=200.0)
+    assert drive_alikes.on_time(cast("Any", None), library, cast("Any", now)) is now
+    assert set(tried) == {"current_loop"}

@@ -11,7 +11,7 @@ from scipy.signal import welch
 from stagectl.gap.inference import basis_functions, thresholds
 from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, BasisColumns
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals import gram_matrices, least_squares
+from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Grams, folds, partialled_out
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.result.diagnosis import Coordinate
@@ -71,17 +71,28 @@ def predicted_squares(free: Array, columns: Sequence[int]) -> tuple[float, float
 
     The folds `free` (2, p + 1, p + 1) are free of what the nuisances can take.
     """
-    before = after = 0.0
+    before, after = predicted_of(free, columns, [-1])
+    return float(before[0]), float(after[0])
+
+
+def predicted_of(free: Array, columns: Sequence[int], residuals: Sequence[int]) -> tuple[Array, Array]:
+    """`predicted_squares` (r,) of each of the columns `residuals` in the place of the residual: one fit for all."""
+    before, after = np.zeros(len(residuals)), np.zeros(len(residuals))
     for fitted, judged in ((0, 1), (1, 0)):
-        before += float(free[judged, -1, -1])
-        after += least_squares.residual_sum_of_squares(free[judged], columns, ridge_fit(free[fitted], columns))
+        amplitude = ridge_fit(free[fitted], columns, of=residuals)
+        square = free[judged][residuals, residuals]
+        right = free[judged][np.ix_(columns, residuals)]
+        explained = 2.0 * right - free[judged][np.ix_(columns, columns)] @ amplitude
+        before += square
+        after += square - np.sum(amplitude * explained, axis=0)
     return before, after
 
 
-def ridge_fit(g: Array, columns: Sequence[int], nuisances: Sequence[int] = ()) -> Array:
+def ridge_fit(g: Array, columns: Sequence[int], nuisances: Sequence[int] = (), of: int | Sequence[int] = -1) -> Array:
     """Amplitudes (k,) of the `nuisances` and then of the `columns` of the Gram matrix `g` (p + 1, p + 1).
 
-    A ridge draws those of the `columns` to zero that the data hardly excite.
+    A ridge draws those of the `columns` to zero that the data hardly excite.  They fit the column `of`, the residual
+    unless given; (k, r) where several are asked for.
     """
     places, free = [*nuisances, *columns], len(nuisances)
     size = np.maximum(np.diag(g)[places], 0.0)  # below it by rounding, where nuisances were taken out
@@ -90,7 +101,7 @@ def ridge_fit(g: Array, columns: Sequence[int], nuisances: Sequence[int] = ()) -
     scale = 1.0 / np.sqrt(size + prior + 1e-300)
     a = g[np.ix_(places, places)] + np.diag(prior)
     inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=thresholds.PSEUDO_INVERSE_RANK, hermitian=True)
-    amplitudes: Array = scale * (inverse @ (scale * g[places, -1]))
+    amplitudes: Array = inverse * np.outer(scale, scale) @ g[places][:, of]
     return amplitudes
 
 

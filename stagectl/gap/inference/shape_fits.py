@@ -11,7 +11,7 @@ import numpy as np
 
 from stagectl.gap.inference import basis_functions, coordinates
 from stagectl.gap.inference.basis_functions import ALL, EVEN, INERTIAL, LOOP, ODD, BasisColumns, CoordinateBasis
-from stagectl.gap.inference.coordinates import means, predicted_squares, ridge_fit
+from stagectl.gap.inference.coordinates import means, predicted_of, ridge_fit
 from stagectl.gap.inference.patch_fields import table_fields
 from stagectl.gap.inference.thresholds import (
     ENSEMBLE_QUANTILE,
@@ -78,31 +78,25 @@ def _fits(
     nuisances = [*refine.moving(e), *(direction.name for direction in refine.parameters(now))]
     g = gram_matrices.fold_sums(products, means(now.residuals))
     free, floor = partialled_out(folds(g, g.effort), g.places(nuisances)), floor_of(e)
-    machines = [_against(free, place) for place in g.places(null_ensemble.member_names(products.names))]
+    machines = g.places(null_ensemble.member_names(products.names))
     fits = []
     for parts in variants:
         columns = g.places([name for part in parts for name in basis_functions.names(basis, part)])
-        gain, share = _predicted(free, columns, floor)
-        fits.append(ShapeFit(basis, parts, gain, share, _limit(machines, columns)))
+        fits.append(ShapeFit(basis, parts, *_predicted(free, columns, machines, floor)))
     return fits
 
 
-def _against(g: Array, residual: int) -> Array:
-    """`g` (..., p + 1, p + 1) with the column `residual` in the place of the residual."""
-    order = [*range(g.shape[-1] - 1), residual]
-    return g[..., order, :][..., :, order]
+def _predicted(
+    free: Array, columns: Sequence[int], machines: Sequence[int], floor: float
+) -> tuple[float, float, float]:
+    """Gain of the `columns` of the folds, its share of the residual above the `floor`, and their gain on `machines`.
 
-
-def _predicted(free: Array, columns: Sequence[int], floor: float) -> tuple[float, float]:
-    """Gain, and share of the residual above the `floor`, of the `columns` of the folds."""
-    before, after = predicted_squares(free, columns)
-    return before - after, (before - after) / (before - floor) if before > floor else 0.0
-
-
-def _limit(machines: Sequence[Array], columns: Sequence[int]) -> float:
-    """Gain of the `columns` on the machines of the null ensemble; 0 without one."""
-    gains = [before - after for before, after in (predicted_squares(machine, columns) for machine in machines)]
-    return float(np.quantile(gains, ENSEMBLE_QUANTILE)) if gains else 0.0
+    Those are columns of the null ensemble, each in the place of the residual; 0 without any.
+    """
+    before, after = predicted_of(free, columns, [-1, *machines])
+    gain, *of_laws = (before - after).tolist()
+    share = gain / float(before[0] - floor) if before[0] > floor else 0.0
+    return gain, share, float(np.quantile(of_laws, ENSEMBLE_QUANTILE)) if of_laws else 0.0
 
 
 def least_gain(e: Evidence) -> float:

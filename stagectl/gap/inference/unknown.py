@@ -3,7 +3,8 @@
 It is reported where it is large, repeats, and can be predicted on data that it was not fitted to.
 """
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from stagectl.gap.selection.linearised import Library, Predicted
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
 
+Fits = Callable[[], list[ShapeFit]]  # made once: they take long
 KINDRED = {"position": "position_mod_pitch", "position_mod_pitch": "position"}  # an error of form shows in both
 
 
@@ -60,7 +62,12 @@ def _of_drive(e: Evidence, now: Fitted, smooth: BasisColumns, own: Columns) -> f
     return unstructured_residual.drive_excess(e, residual) * repeats_of(e)
 
 
-def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTerm | None:
+def fits_of(e: Evidence, now: Fitted, smooth: BasisColumns) -> Fits:
+    """The fits of single coordinates to what `now` leaves."""
+    return functools.cache(lambda: shape_fits.single_coordinate(e, now, shape_fits.own_columns(e, now), smooth))
+
+
+def unknown(e: Evidence, selected: Selection, smooth: BasisColumns, fits: Fits) -> UnknownTerm | None:
     """The shape of the residual of `selected`, over the coordinate that orders it best; None where it has none.
 
     Noise has no order either: what was not repeated cannot be separated from it, so only a coordinate counts, or a
@@ -69,7 +76,7 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTe
     now = selected.fitted
     own = shape_fits.own_columns(e, now)
     known = gram_matrices.with_columns(smooth.known, own)
-    shape = _ordered(e, selected, (known, own), smooth)
+    shape = _ordered(e, selected, (known, own), smooth, fits)
     if shape:
         return shape
     residual = unstructured_residual.mean_residual(now, known)
@@ -85,20 +92,19 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns) -> UnknownTe
     )
 
 
-def error_of_form(e: Evidence, now: Fitted, smooth: BasisColumns) -> UnknownTerm | None:
+def error_of_form(now: Fitted, fits: Fits) -> UnknownTerm | None:
     """The coordinate of which a function predicts most of what `now` leaves, and more than any friction law gives it.
 
     However little that is: too little for an unknown, it is an error in the form of the effects over this coordinate.
     """
     if not now.effects:
         return None
-    own = shape_fits.own_columns(e, now)
-    fits = [fit for fit in shape_fits.single_coordinate(e, now, own, smooth) if fit.clear(0.0)]
-    return UNORDERED._replace(coordinate=best_of(fits).basis.coordinate) if fits else None
+    clear = [fit for fit in fits() if fit.clear(0.0)]
+    return UNORDERED._replace(coordinate=best_of(clear).basis.coordinate) if clear else None
 
 
 def _ordered(
-    e: Evidence, selected: Selection, columns: tuple[Products, Columns], smooth: BasisColumns
+    e: Evidence, selected: Selection, columns: tuple[Products, Columns], smooth: BasisColumns, fits: Fits
 ) -> UnknownTerm | None:
     """The residual effort as a function of one coordinate, or of one coordinate and the acceleration there.
 
@@ -108,12 +114,12 @@ def _ordered(
     if shape_fits.squares(e, means(now.residuals)) - floor_of(e) <= max(least, 0.0):
         return None
     explained = _explained(e, selected)
-    if fits := _clear(shape_fits.single_coordinate(e, now, own, smooth), explained, least):
-        best = best_of(fits)
+    if clear := _clear(fits(), explained, least):
+        best = best_of(clear)
         return shape_of(e, now, gram_matrices.with_columns(smooth.products[best.basis.coordinate], own), best)
     products, combined = shape_fits.with_acceleration(e, now, known, smooth)
-    fits = _clear(combined, explained, least)
-    return shape_of(e, now, products, best_of(fits)) if fits else None
+    clear = _clear(combined, explained, least)
+    return shape_of(e, now, products, best_of(clear)) if clear else None
 
 
 def _clear(fits: Sequence[ShapeFit], explained: Sequence[Explained], least: float) -> list[ShapeFit]:

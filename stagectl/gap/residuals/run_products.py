@@ -16,6 +16,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.half_strokes import Run, spans
 
 Parts = Sequence[Sequence[slice]]  # spans of the samples that belong together
+Places = NDArray[np.intp]
 
 
 class Block(NamedTuple):
@@ -23,6 +24,7 @@ class Block(NamedTuple):
 
     mean: NDArray[np.float32]  # (2, q, m) weighted, less their part along `own`; single precision: they fill the memory
     folds: Array  # (2, 2, p + q, q)
+    driven: Places  # of those that the current has; most are effects of the mechanics, and it has none of them
 
 
 class ClockColumns(NamedTuple):
@@ -81,10 +83,12 @@ def with_columns(p: RunProducts, columns: Mapping[str, Sequence[Array]]) -> RunP
     count, parts = sum(block.mean.shape[1] for block in p.blocks), folds_of(p.run)
     separated = [_mean_and_deviation(p, repeats) for repeats in columns.values()]
     mean = np.stack([column for column, _ in separated], axis=1).astype(np.float32)
-    folds = [*(_between(block.mean, mean, parts) for block in p.blocks), _between(mean, mean, parts)]
+    driven = _driven(mean)
+    before = (_between(block.mean, mean, parts, (block.driven, driven)) for block in p.blocks)
+    folds = [*before, _between(mean, mean, parts, (driven, driven))]
     deviations = {count + k: deviation for k, (_, deviation) in enumerate(separated) if deviation is not None}
     clocked = _with_clocked(p.clocked, deviations, parts) if deviations else p.clocked
-    return p._replace(blocks=(*p.blocks, Block(mean, np.concatenate(folds, axis=2))), clocked=clocked)
+    return p._replace(blocks=(*p.blocks, Block(mean, np.concatenate(folds, axis=2), driven)), clocked=clocked)
 
 
 def _with_clocked(p: ClockColumns | None, deviations: Mapping[int, Array], folds: Parts) -> ClockColumns:
@@ -139,7 +143,11 @@ def _squares(
     last, deviation = mean[:, None], (rows - mean)[:, :, None]
     noise = _over_repeats(deviation, parts)
     products = np.concatenate(
-        [*(_between(each.mean, last, parts) for each in p.blocks), _between(last, last, parts)], 2
+        [
+            *(_between(each.mean, last, parts, (each.driven, np.arange(1))) for each in p.blocks),
+            _between(last, last, parts),
+        ],
+        axis=2,
     )
     square = np.empty((*columns.shape[:2], count + 1, count + 1))
     np.multiply(columns, repeats, out=square[:, :, :count, :count])
@@ -163,9 +171,13 @@ def differences(p: RunProducts, residuals: Sequence[Array]) -> Array:
     if repeats < 2:
         return square
     rows = np.stack([p.weighted(residual) for residual in residuals])
-    last = (rows - rows.mean(axis=0))[:, :, None]
-    both = last if p.clocked is None else np.concatenate([p.clocked.deviation, last], axis=2)
-    square += _over_repeats(both, [[slice(None)]])[:, 0]
+    last, whole = (rows - rows.mean(axis=0))[:, :, None], [[slice(None)]]
+    square[:, -1:, -1:] = _over_repeats(last, whole)[:, 0]
+    if p.clocked is not None:
+        square[:, :-1, :-1] = p.clocked.folds.sum(axis=1)
+        pairs = zip(p.clocked.deviation, last, strict=True)
+        square[:, :-1, -1:] = np.sum([_between(clock, own, whole) for clock, own in pairs], axis=0)[:, 0]
+        square[:, -1, :-1] = square[:, :-1, -1]
     return square * (repeats / (repeats - 1))
 
 
@@ -182,7 +194,7 @@ def selected(p: RunProducts, places: Sequence[int]) -> RunProducts:
         folds[:, :, np.array(rows, dtype=np.intp)[:, None], columns] = values
         folds[:, :, np.array(columns, dtype=np.intp)[:, None], rows] = np.swapaxes(values, 2, 3)
         start = end
-    return p._replace(blocks=(Block(means, folds),), clocked=_selected_clocked(p.clocked, places))
+    return p._replace(blocks=(Block(means, folds, _driven(means)),), clocked=_selected_clocked(p.clocked, places))
 
 
 def _selected_clocked(p: ClockColumns | None, places: Sequence[int]) -> ClockColumns | None:
@@ -195,14 +207,32 @@ def _selected_clocked(p: ClockColumns | None, places: Sequence[int]) -> ClockCol
     )
 
 
-def _between(x: Array | NDArray[np.float32], y: Array | NDArray[np.float32], parts: Parts) -> Array:
-    """Products (2, b, p, q) of `x` (2, p, m) and `y` (2, q, m) within each part, in double precision."""
+def _driven(columns: Array | NDArray[np.float32]) -> Places:
+    """Places of those of `columns` (2, p, m) of which the current is not zero throughout."""
+    return np.flatnonzero(columns[1].any(axis=1))
+
+
+def _between(
+    x: Array | NDArray[np.float32], y: Array | NDArray[np.float32], parts: Parts, driven: Sequence[Places] = ()
+) -> Array:
+    """Products (2, b, p, q) of `x` (2, p, m) and `y` (2, q, m) within each part, in double precision.
+
+    `driven`: places of the columns of both that the current has; all unless given.
+    """
     products = np.zeros((2, len(parts), x.shape[1], y.shape[1]))
+    rows, columns = driven or (np.arange(x.shape[1]), np.arange(y.shape[1]))
+    current = np.zeros((len(parts), len(rows), len(columns)))
     for k, span in ((k, span) for k, part in enumerate(parts) for span in part):
-        left = x[:, :, span].astype(np.float64, copy=False)
-        right = left if y is x else y[:, :, span].astype(np.float64, copy=False)
-        products[:, k] += left @ np.swapaxes(right, 1, 2)
+        products[0, k] += _product(x[0, :, span], y[0, :, span])
+        current[k] += _product(x[1, rows, span], y[1, columns, span])
+    products[1][:, rows[:, None], columns] = current
     return products
+
+
+def _product(x: Array | NDArray[np.float32], y: Array | NDArray[np.float32]) -> Array:
+    """(p, q) products of the rows of `x` (p, m) and `y` (q, m), in double precision."""
+    product: Array = x.astype(np.float64, copy=False) @ y.astype(np.float64, copy=False).T
+    return product
 
 
 def _over_repeats(x: Array, parts: Parts) -> Array:

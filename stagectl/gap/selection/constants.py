@@ -47,6 +47,9 @@ AT_BOUND = 0.01  # of an end of an amplitude's range; chosen.  So near to it, th
 
 # -- sets --------------------------------------------------------------------------------------------------------------
 BEAM = 12  # sets that are continued by one effect more; chosen.  Costs time alone: four are as good as twelve.
+# Of the probability of the best set: a less probable one of several effects is not kept.  Derived: a hundred thousand
+# of them are worth 1e-4 together.
+NEGLIGIBLE = 1e-9
 MOST_EFFECTS = 4  # in one set; two score as four.
 KEPT = 0.5  # probability that something stands in an effect's place: below, the effect leaves the model; derived.
 COMPARABLE = 0.1  # odds of another effect in the place of one: from there on it is an alternative; chosen.

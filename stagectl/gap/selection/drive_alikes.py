@@ -25,7 +25,8 @@ def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
     late = [valued for valued in now.effects if valued.effect.name in constants.TIMING]
     if not late and abs(now.model.shift) <= constants.LEAST_SHIFT * e.base.prior.dt:
         return now
-    tried = _later(e, library, now, [valued for valued in now.effects if valued not in late])
+    others = without_effects(library, {valued.effect.name for valued in late})  # those that it has are refined
+    tried = _later(e, others, now, [valued for valued in now.effects if valued not in late])
     best = min([now, *tried], key=lambda fitted: fitted.residual_sum_of_squares)
     return best if late or stands(library, now, best) else now
 

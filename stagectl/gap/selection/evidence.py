@@ -29,7 +29,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import log_ndtr, logsumexp
 
 from stagectl.gap.logs.session import Array
-from stagectl.gap.selection.constants import BEAM, INCLUSION, MOST_EFFECTS
+from stagectl.gap.selection.constants import BEAM, INCLUSION, MOST_EFFECTS, NEGLIGIBLE
 
 
 class Prior(NamedTuple):
@@ -166,20 +166,30 @@ def compare(start: Conditioned, candidates: Sequence[Candidate], wider: Mapping[
     log_prior = np.array([math.log(INCLUSION * candidate.share) for candidate in candidates])
     found: dict[tuple[int, ...], float] = {(): 0.0}
     beam: list[tuple[tuple[int, ...], Conditioned, float]] = [((), start._replace(log_evidence=0.0), 0.0)]
-    for _ in range(MOST_EFFECTS):
+    for count in range(MOST_EFFECTS):
         fresh: dict[tuple[int, ...], float] = {}
         for members, state, prior in beam:
             free = _free(members, candidates, wider)
             if not free:
                 continue
             scores = state.log_evidence + prior + log_prior[free] + gains(state, [candidates[k] for k in free])
-            fresh.update((tuple(sorted((*members, k))), float(score)) for k, score in zip(free, scores, strict=True))
+            kept = _that_count(scores, max(found.values())) if count else range(len(free))
+            fresh.update((tuple(sorted((*members, free[k]))), float(scores[k])) for k in kept)
         found.update(fresh)
         best = sorted(fresh, key=fresh.__getitem__, reverse=True)[:BEAM]
         beam = [
             (members, _joined(start, members, candidates), float(log_prior[list(members)].sum())) for members in best
         ]
     return _normalised(found, candidates)
+
+
+def _that_count(scores: Array, best: float) -> list[int]:
+    """Places of the `scores` (n,) of larger sets that the sum of all notices next to the `best`, or that go on."""
+    least = max(best, float(scores.max())) + math.log(NEGLIGIBLE)
+    if len(scores) > BEAM:
+        least = min(least, float(np.partition(scores, -BEAM)[-BEAM]))
+    places: list[int] = np.flatnonzero(scores >= least).tolist()
+    return places
 
 
 def _free(members: tuple[int, ...], candidates: Sequence[Candidate], wider: Mapping[str, Sequence[str]]) -> list[int]:

@@ -49,6 +49,7 @@ class Remains(NamedTuple):
     floor: Array  # (c,) what of it repeats differ by
     samples: Array  # (c,) that count, of all repeats
     current: float  # sum of squares of the missing current
+    excess: Cuts = (0.0, 0.0)  # sum of squares above the floor
 
 
 class Library(NamedTuple):
@@ -113,7 +114,8 @@ def linearised(
     if present & set(constants.SCALING):
         present.update(constants.SCALING)
     forms = tuple(form for form in (*library.forms, *refined) if form.effect.name not in present)
-    tried = [candidate for candidate in usual_sizes.of_effects(forms, g.places) if _excited(g, candidate)]
+    excited = np.einsum("ckk->k", g.effort) + np.einsum("ckk->k", g.current) > 0.0
+    tried = [c for c in usual_sizes.of_effects(forms, g.places) if excited[list(c.prior.places)].all()]
     nuisances = parameters(e, now, g)
     small = [usual_sizes.immaterial(library.forms, g.places)] if traces else []
     left = left_of(g, nuisances, library.products, now)
@@ -131,8 +133,9 @@ def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
 def remains(e: Evidence, library: Library, now: Fitted) -> Remains:
     """What `now` leaves in each half stroke."""
     g = gram_matrices.grams(known(e, library, now), now.residuals)
-    effort = _strokes_left(g.effort, parameters(e, now, g))
-    return Remains(effort, g.floor[:, 0], samples(e), float(g.current[:, -1, -1].sum()))
+    nuisances, current = parameters(e, now, g), float(g.current[:, -1, -1].sum())
+    effort, left = _strokes_left(g.effort, nuisances), left_of(g, nuisances, library.products, now)
+    return Remains(effort, g.floor[:, 0], samples(e), current, left)
 
 
 def samples(e: Evidence) -> Array:
@@ -228,8 +231,3 @@ def _start(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Con
 def strokes(e: Evidence) -> int:
     """Number of half strokes, repeats of one not counted."""
     return sum(len(spans(run.cluster)) for run in e.runs)
-
-
-def _excited(g: Grams, candidate: Candidate) -> bool:
-    """Whether the data have its columns at all."""
-    return all(g.both[:, k, k].sum() > 0.0 for k in candidate.prior.places)

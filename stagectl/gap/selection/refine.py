@@ -1,5 +1,6 @@
 """Gauss-Newton over everything at once: all parameters of the effects, and the base model next to them."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -79,22 +80,36 @@ def start(e: Evidence) -> Fitted:
 
 
 def refine(
-    e: Evidence, model: TrackedModel, effects: Sequence[EffectValues], steps: int = thresholds.REFINEMENT_STEPS
+    e: Evidence,
+    model: TrackedModel,
+    effects: Sequence[EffectValues],
+    steps: int = thresholds.REFINEMENT_STEPS,
+    rival: float = math.inf,
 ) -> Fitted:
-    """The best values of all parameters of `effects` and of the base, from their current values."""
+    """The best values of all parameters of `effects` and of the base, from their current values.
+
+    It ends early where the sum of squares of a `rival` is out of reach: all steps that are left, each as good as the
+    last one, would not come to it.
+    """
     now = _fitted(e, model, tuple(effects))
     if not np.isfinite(now.residual_sum_of_squares):  # it diverged: there is no step to take
         return now
     around = any(valued.effect.nonlinear for valued in effects)  # whether the base's columns are those with the effects
     e = _around(e, now) if around else e
-    for _ in range(steps):
-        now, gain, promised = _step(e, now)
+    for remaining in reversed(range(steps)):
+        before, (now, gain, promised) = now, _step(e, now)
         if gain >= thresholds.SETTLED:
+            if now.residual_sum_of_squares - remaining * _fall(before, now) > rival:
+                break
             continue
         if around or promised < thresholds.BROKEN_PROMISE:
             break
         around, e = True, _around(e, now)
     return now
+
+
+def _fall(before: Fitted, after: Fitted) -> float:
+    return before.residual_sum_of_squares - after.residual_sum_of_squares
 
 
 def first_step(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:

@@ -145,9 +145,12 @@ def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequ
         return None
     straight = [valued for valued in added if not bends(valued.effect)]
     bent = [[start] for start in starts] if len(straight) < len(added) else [[]]
-    grown = [refine.refine(e, now.model, joined(now.effects, [*straight, *start])) for start in bent]
-    after = min(grown, key=lambda fitted: fitted.residual_sum_of_squares, default=now)
-    return after if after.residual_sum_of_squares < now.residual_sum_of_squares else None
+    best = now
+    for start in bent:
+        effects, rival = joined(now.effects, [*straight, *start]), best.residual_sum_of_squares
+        grown = refine.refine(e, now.model, effects, rival=rival)
+        best = grown if grown.residual_sum_of_squares < rival else best
+    return None if best is now else best
 
 
 def _if_bent(added: Sequence[EffectValues], tried: Starts) -> Sequence[EffectValues]:
@@ -171,19 +174,19 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     What a simulation makes no larger than a trace is dropped first, whatever the evidence around the model says of it,
     but for what would be missing without it.
     """
-    left = linearised.excess(e, library, now)
+    present = linearised.remains(e, library, now)
     lines = {valued.effect.name: wave for valued in now.effects if (wave := waves.wave(e, now, valued))}
     others = [valued for valued in now.effects if valued.effect.name not in lines]
     small = (valued for valued in others if is_trace(valued) and not is_material(e, library, now, valued))
     if trace := next(small, None):
         return dropped(e, library, now, trace.effect.name, say)
-    selection = Selection(now, left, {}, {}, {}, {})
+    selection = Selection(now, present.excess, {}, {}, {}, {})
     for name, wave in lines.items():
         _enter_wave(e, library, selection, name, wave)
-    empty, present = {}, linearised.remains(e, library, now)
+    empty = {}
     for valued in others:
         at, most = _in_the_place_of(e, library, now, present, valued)
-        selection.gains[valued.effect.name] = sum(at.excess) - sum(left)
+        selection.gains[valued.effect.name] = sum(at.excess) - sum(present.excess)
         empty[valued.effect.name] = max(_empty(at), 1.0 - most)
         _enter(selection, at, valued.effect.name, most)
         if valued.effect.name in constants.SCALING:

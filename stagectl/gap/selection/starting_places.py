@@ -28,7 +28,10 @@ def bends(effect: Definition) -> bool:
 
 
 def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectValues]:
-    """Of each effect that bends and is not in `now`, what few steps make of the place from which they explain most."""
+    """Of each effect that bends and is not in `now`, what few steps make of the place from which they explain most.
+
+    The one that explains most comes first.
+    """
     present = {valued.effect.name for valued in now.effects}
     places: dict[str, list[EffectValues]] = {}
     for form in (form for form in library.forms if bends(form.effect) and form.effect.name not in present):
@@ -36,7 +39,7 @@ def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectVa
     missing = [sum_of_squares([run], [left]) for run, left in zip(e.runs, now.residuals, strict=True)]
     part = _part(e, telling(np.array(missing), np.array([run.rows for run in e.runs])))
     found = [_best(e, part, now, tried) for tried in places.values()]
-    return [fitted.effects[-1] for fitted in found if math.isfinite(_left(fitted))]
+    return [fitted.effects[-1] for fitted in sorted(found, key=_left) if math.isfinite(_left(fitted))]
 
 
 def _best(e: Evidence, part: Evidence, now: Fitted, places: Sequence[EffectValues]) -> Fitted:

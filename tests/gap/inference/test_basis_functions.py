@@ -54,6 +54,14 @@ def test_a_function_that_is_not_there_predicts_nothing() -> None:
     assert abs(before - after) < 10.0
 
 
+def test_any_column_may_stand_in_the_place_of_the_residual() -> None:
+    folds, order = partialled_out(_folds(3.0), [1]), [0, 2, 1]
+    swapped = folds[:, order][:, :, order]
+    both = coordinates.predicted_of(folds, [0], [-1, 1])
+    for k, one in enumerate((folds, swapped)):
+        assert [float(squares[k]) for squares in both] == pytest.approx(coordinates.predicted_squares(one, [0]))
+
+
 @pytest.mark.parametrize(
     ("coordinate", "code"), [("speed", effects.VELOCITY), ("position", effects.POSITION), ("current", effects.CURRENT)]
 )

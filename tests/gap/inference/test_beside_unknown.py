@@ -84,7 +84,7 @@ def named_beside(
         kept = [x for x in selected.fitted.effects if selected.probability[x.effect.name] >= 0.5]
         return selected._replace(fitted=SimpleNamespace(effects=kept))
 
-    def found(_: Any, named: Any, __: Any) -> UnknownTerm | None:
+    def found(_: Any, named: Any, *__: Any) -> UnknownTerm | None:
         return shapes[frozenset(x.effect.name for x in named.fitted.effects)]
 
     monkeypatch.setattr(verdict, "only_named", only)

@@ -82,13 +82,13 @@ def test_a_shape_predicts_what_the_folds_share() -> None:
     column = np.random.default_rng(1).standard_normal(2000)
     folds = []
     for _ in range(2):
-        rows = np.stack([column, 3.0 * column])
+        rows = np.stack([column, 2.0 * column, 3.0 * column])
         folds.append(rows @ rows.T)
     free = np.array(folds)
     power = float(9.0 * column @ column)
-    gain, share = shape_fits._predicted(free, [0], 0.5 * power)
+    gain, share, limit = shape_fits._predicted(free, [0], [1], 0.5 * power)
     assert gain == pytest.approx(2.0 * power, rel=1e-2) and share == pytest.approx(2.0 / 1.5, rel=1e-2)
-    assert shape_fits._limit([free], [0]) == pytest.approx(gain) and shape_fits._limit([], [0]) == 0.0
+    assert limit == pytest.approx(gain * 4.0 / 9.0) and shape_fits._predicted(free, [0], [], 0.0)[2] == 0.0
 
 
 def test_the_least_gain_is_a_share_of_what_could_be_closed() -> None:
