@@ -15,9 +15,11 @@ from stagectl.gap.selection import refine
 from stagectl.gap.selection.candidates import EffectValues, equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
+from stagectl.kernels.fields import get
 from stagectl.kernels.stage import Stage
 from stagectl.units import unit_on
 
+_REACHED = 1e-9  # depth of a limit that is just reached: of none the effect is neutral
 DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects that are one, and its name among their values
 
 
@@ -71,14 +73,16 @@ def _effect(
 ) -> FoundEffect:
     name, now = fitted.effect.name, selected.fitted
     rest = [other for other in now.effects if other is not fitted]
+    before = equipped(now.model, rest).stage
+    values = with_limit(parameters(fitted, now, known, session.kind), fitted, before)
     return FoundEffect(
         name=name,
         alternatives=_alternatives(name, selected),
         probability=selected.probability[name],
         share=0.0,
-        parameters=_with_period(parameters(fitted, now, known, session.kind), session),
+        parameters=_with_period(values, session),
         block=fitted.effect.block,
-        fields=fields_of(equipped(now.model, rest).stage, now.equipped.stage),
+        fields=fields_of(before, now.equipped.stage),
         coordinate=fitted.effect.coordinate,
         choices=tuple((other, _fields(fit)) for other, fit in _rivals(e, selected, name).items()),
     )
@@ -124,6 +128,23 @@ def _values(fitted: EffectValues, deviation: Mapping[str, float], kind: str) -> 
         low, high = ends[name]
         values[name] = Value(x, min(max(x - half, low), x), max(min(x + half, high), x), units[name])
     return values
+
+
+def with_limit(values: dict[str, Value], fitted: EffectValues, before: Stage) -> dict[str, Value]:
+    """The values; of a limit of the drive itself, not how far it is below the most that the logs ask for.
+
+    One that is reached is not above that.
+    """
+    depth = values.get("depth")
+    if depth is None or depth.value <= 0.0:
+        return values
+    place = next(place for place, _ in fields_of(before, fitted.effect.apply(before, fitted.values)))
+
+    def at(share: float) -> float:
+        return float(get(fitted.effect.apply(before, {**fitted.values, "depth": max(share, _REACHED)}), place))
+
+    unit = "V" if place.endswith("voltage_limit") else "A"
+    return {place.rpartition(".")[2]: Value(at(depth.value), at(depth.high), at(depth.low), unit)}
 
 
 def _with_period(values: dict[str, Value], session: Session) -> dict[str, Value]:

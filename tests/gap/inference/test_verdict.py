@@ -6,11 +6,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from stagectl_studies.effect_pictures.scenes import SIZES
 
+from stagectl.config.stage_file import Setup
 from stagectl.gap.effects.effect import Amplitude, Shape
+from stagectl.gap.effects.library import definitions
 from stagectl.gap.inference import verdict
 from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.result.diagnosis import FoundEffect, Value
+from stagectl.gap.selection.candidates import EffectValues
 
 
 def selected_with(name: str, odds: dict[str, float], present: tuple[str, ...] = ()) -> Any:
@@ -82,3 +86,23 @@ def test_models_with_an_alternative_in_the_place_of_an_effect(monkeypatch: pytes
     effect = FoundEffect("cogging", ("current_gain", "bias"), 0.9, 0.0, {})
     nothing: Any = None
     assert verdict.rivals(nothing, selected, effect) == {"bias": ["dwell", "bias"]}
+
+
+@pytest.mark.parametrize(
+    ("name", "flag", "place"),
+    [
+        ("current_saturation", {"continuous": 0.0}, "current_limit"),
+        ("current_saturation", {"continuous": 1.0}, "continuous_current"),
+        ("voltage_saturation", {}, "voltage_limit"),
+    ],
+)
+def test_a_limit_is_told_as_the_drive_has_it(name: str, flag: dict[str, float], place: str, ball_screw: Setup) -> None:
+    """In A or V, with the interval of its depth; one that is reached is not above the most that was asked for."""
+    effect = next(one for one in definitions(SIZES) if one.name == name)
+    most, unit = (SIZES.voltage, "V") if name == "voltage_saturation" else (SIZES.current, "A")
+    fitted = EffectValues(effect, {"depth": 0.1, **flag})
+    depth = {"depth": Value(0.1, 0.0, 0.25, "")}
+    ((told, value),) = verdict.with_limit(depth, fitted, ball_screw.stage).items()
+    assert (told, value.unit) == (place, unit)
+    assert (value.value, value.low, value.high) == pytest.approx((0.9 * most, 0.75 * most, most))
+    assert verdict.with_limit({}, fitted, ball_screw.stage) == {}
