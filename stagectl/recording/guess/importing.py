@@ -54,7 +54,8 @@ def import_log(
     if path.is_dir() and not (path / "captures.yaml").is_file():
         logs = [file for file in sorted(path.iterdir()) if _is_log(file)]
         if not logs:
-            reason = f"{path} holds neither recordings (.h5), nor captures.yaml, nor logs ({', '.join(_LOGS)})"
+            kinds = f"recordings (.h5), nor captures.yaml, nor logs ({', '.join(_LOGS)})"
+            reason = f"{path} holds neither {kinds}; give a folder that does"
             raise RecordingError(reason, path, ProblemKind.MISSING)
         return [imported for log in logs for imported in import_log(log, setup, words, known, unsure, scales)]
     try:
