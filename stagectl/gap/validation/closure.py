@@ -98,7 +98,7 @@ def _gaps(
 
 
 def stays_open(gap: Gap, judged: Sequence[Log]) -> bool:
-    """Whether the loop shows that something is missing: a gap far above the floor, and surely less than half closes.
+    """Whether the loop shows that something is missing: a gap far above the floor, and surely a part only closes.
 
     The residual along the measured path may lie within the form of friction, and no coordinate may order it.  False
     where one of the `judged` runs was not repeated, or copied: the floor is not known then, and noise is no gap.

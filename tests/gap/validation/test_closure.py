@@ -26,7 +26,7 @@ from tests.gap.captured import SINE
 
 @pytest.mark.parametrize(
     ("after", "high", "stays"),
-    [(60e-6, 0.45, True), (40e-6, 0.45, False), (60e-6, 0.55, False), (float("nan"), 0.45, False)],
+    [(60e-6, 0.75, True), (40e-6, 0.75, False), (60e-6, 0.85, False), (float("nan"), 0.75, False)],
 )
 def test_a_gap_that_stays_open(after: float, high: float, stays: bool) -> None:
     twice: Any = [SimpleNamespace(experiment="sine"), SimpleNamespace(experiment="sine")]
