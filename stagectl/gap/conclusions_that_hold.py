@@ -32,6 +32,7 @@ class Held(NamedTuple):
     conclusions: Conclusions
     location: Localisation
     validation: Validation
+    refuted: tuple[str, ...] = ()  # effects that explain forces, and are not what is missing
 
 
 def conclusions_that_hold(fits: Fits, selected: Selection, timer: StepTimer) -> Held:
@@ -51,4 +52,5 @@ def conclusions_that_hold(fits: Fits, selected: Selection, timer: StepTimer) -> 
         return Held(selected, conclusions, location, validation)
     held = conclusions_that_hold(fits, verdict.taken_out(e, selected, refuted), timer)
     warnings = (refuted_words(refuted), *held.validation.warnings)
-    return held._replace(validation=held.validation._replace(warnings=warnings))
+    validation = held.validation._replace(warnings=warnings)
+    return held._replace(validation=validation, refuted=(refuted, *held.refuted))

@@ -176,7 +176,7 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
 
 def _answer(session: Session, said: Held) -> DiagnosisResult:
     conclusions, location, closure = said.conclusions, said.location, said.validation.closure
-    shape = conclusions.unknown or (UNORDERED if closure.open else None)
+    shape = conclusions.unknown or (UNORDERED if closure.open or said.refuted else None)
     effects = [confirmed(effect, closure) for effect in with_shares(conclusions.effects, closure.shares)]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
