@@ -18,7 +18,7 @@ class Step(enum.StrEnum):
     EXPERIMENT = "next experiment"
 
 
-# In %, where each step begins in a whole diagnosis; medians of 20 diagnoses of the recommended battery.  Only a display reads it.
+# In %, where each step begins in a whole diagnosis; medians of 20 on the recommended battery.  Only a display reads it.
 BEGINS = {
     Step.CONTROLLER: 0,
     Step.BASELINE: 1,
