@@ -81,6 +81,9 @@ def sticking_speed(
     falls less than this in time.
     """
     speeds, falls = _falling(p.friction)
+    least, most = 0.0, float(falls.max())
+    if p.friction.lag > 0.0 or most == 0.0:
+        return None
     with computable(p):
         controller = with_observer(compensator(designed, dt), watching)
 
@@ -88,8 +91,7 @@ def sticking_speed(
             damped = p.mechanics._replace(viscous=p.mechanics.viscous - fall)
             return settles(_characteristic(plant(p._replace(mechanics=damped), dt), controller))
 
-        least, most = 0.0, float(falls.max())
-        if p.friction.lag > 0.0 or most == 0.0 or bears(most):
+        if bears(most):
             return None
         for _ in range(_HALVINGS):
             middle = 0.5 * (least + most)

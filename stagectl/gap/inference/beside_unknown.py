@@ -16,7 +16,7 @@ from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.inference import verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
-from stagectl.gap.inference.unknown import error_of_form, fits_of, kindred, unknown
+from stagectl.gap.inference.unknown import Residual, error_of_form, kindred, unknown
 from stagectl.gap.inference.unstructured_residual import BANDS
 from stagectl.gap.result.diagnosis import NAMED, UnknownTerm
 from stagectl.gap.selection import linearised
@@ -42,9 +42,9 @@ def beside_unknown(e: Evidence, library: Library, selected: Selection, smooth: B
     What is no longer named belongs to the unknown, which is looked for again without it.
     """
     named = verdict.only_named(e, selected)
-    fits = fits_of(e, named.fitted, smooth)
-    shape = unknown(e, named, smooth, fits)
-    left = shape or error_of_form(named.fitted, fits)
+    residual = Residual(e, named.fitted, smooth)
+    shape = unknown(e, named, smooth, residual)
+    left = shape or error_of_form(named.fitted, residual)
     if left is None:
         return BesideUnknown(selected, named, None)
     probability = dict(selected.probability)

@@ -4,7 +4,7 @@ It is reported where it is large, repeats, and can be predicted on data that it 
 """
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,6 @@ from stagectl.gap.selection.linearised import Library, Predicted
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
 
-Fits = Callable[[], list[ShapeFit]]  # made once: they take long
 KINDRED = {"position": "position_mod_pitch", "position_mod_pitch": "position"}  # an error of form shows in both
 
 
@@ -62,21 +61,34 @@ def _of_drive(e: Evidence, now: Fitted, smooth: BasisColumns, own: Columns) -> f
     return unstructured_residual.drive_excess(e, residual) * repeats_of(e)
 
 
-def fits_of(e: Evidence, now: Fitted, smooth: BasisColumns) -> Fits:
-    """The fits of single coordinates to what `now` leaves."""
-    return functools.cache(lambda: shape_fits.single_coordinate(e, now, shape_fits.own_columns(e, now), smooth))
+class Residual:
+    """What a fit leaves, as it is looked at for an unknown and for an error of form; made once, and only if needed."""
+
+    def __init__(self, e: Evidence, now: Fitted, smooth: BasisColumns) -> None:
+        self._of = (e, now, smooth)
+
+    @functools.cached_property
+    def own(self) -> Columns:
+        """The columns of the effects' own parameters: each is a simulation of all runs."""
+        e, now, _ = self._of
+        return shape_fits.own_columns(e, now)
+
+    @functools.cached_property
+    def fits(self) -> list[ShapeFit]:
+        """The fits of single coordinates."""
+        e, now, smooth = self._of
+        return shape_fits.single_coordinate(e, now, self.own, smooth)
 
 
-def unknown(e: Evidence, selected: Selection, smooth: BasisColumns, fits: Fits) -> UnknownTerm | None:
+def unknown(e: Evidence, selected: Selection, smooth: BasisColumns, left: Residual) -> UnknownTerm | None:
     """The shape of the residual of `selected`, over the coordinate that orders it best; None where it has none.
 
     Noise has no order either: what was not repeated cannot be separated from it, so only a coordinate counts, or a
     line in time.
     """
     now = selected.fitted
-    own = shape_fits.own_columns(e, now)
-    known = gram_matrices.with_columns(smooth.known, own)
-    shape = _ordered(e, selected, (known, own), smooth, fits)
+    known = gram_matrices.with_columns(smooth.known, left.own)
+    shape = _ordered(e, selected, known, smooth, left)
     if shape:
         return shape
     residual = unstructured_residual.mean_residual(now, known)
@@ -92,31 +104,31 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns, fits: Fits) 
     )
 
 
-def error_of_form(now: Fitted, fits: Fits) -> UnknownTerm | None:
+def error_of_form(now: Fitted, left: Residual) -> UnknownTerm | None:
     """The coordinate of which a function predicts most of what `now` leaves, and more than any friction law gives it.
 
     However little that is: too little for an unknown, it is an error in the form of the effects over this coordinate.
     """
     if not now.effects:
         return None
-    clear = [fit for fit in fits() if fit.clear(0.0)]
+    clear = [fit for fit in left.fits if fit.clear(0.0)]
     return UNORDERED._replace(coordinate=best_of(clear).basis.coordinate) if clear else None
 
 
 def _ordered(
-    e: Evidence, selected: Selection, columns: tuple[Products, Columns], smooth: BasisColumns, fits: Fits
+    e: Evidence, selected: Selection, known: Products, smooth: BasisColumns, left: Residual
 ) -> UnknownTerm | None:
     """The residual effort as a function of one coordinate, or of one coordinate and the acceleration there.
 
-    `columns` are those of all nuisances, and those of the effects' own parameters.
+    `known` are the columns of all nuisances, with those of the effects' own parameters.
     """
-    (known, own), now, least = columns, selected.fitted, least_gain(e)
+    now, least = selected.fitted, least_gain(e)
     if shape_fits.squares(e, means(now.residuals)) - floor_of(e) <= max(least, 0.0):
         return None
     explained = _explained(e, selected)
-    if clear := _clear(fits(), explained, least):
+    if clear := _clear(left.fits, explained, least):
         best = best_of(clear)
-        return shape_of(e, now, gram_matrices.with_columns(smooth.products[best.basis.coordinate], own), best)
+        return shape_of(e, now, gram_matrices.with_columns(smooth.products[best.basis.coordinate], left.own), best)
     products, combined = shape_fits.with_acceleration(e, now, known, smooth)
     clear = _clear(combined, explained, least)
     return shape_of(e, now, products, best_of(clear)) if clear else None
