@@ -121,10 +121,13 @@ def _effort(c: transmission.Coefficients, m: Memory, given: _Given, opposed: _Op
         )
         load_share = c.load / (c.motor + c.load)
         free = (spring - opposed.pull - c.share * opposed.friction) / c.load
-    ground = (given.acceleration - mu * load_share * free - feet) / (1.0 + mu * (1.0 - load_share))
+    share = 1.0 + mu * (1.0 - load_share)
+    # The base's velocity is half a step old, and the feet damp it as it is now: half a step of the recoil later.
+    recoil = mu * (given.acceleration * (1.0 - load_share) + load_share * free) + feet
+    recoil /= share + c.half * damping  # of the coordinate: less the base's acceleration
+    ground = given.acceleration - recoil
     against = opposed.friction + opposed.pull if c.load == 0.0 else spring + (1.0 - c.share) * opposed.friction
     effort = c.motor * ground + against
-    recoil = given.acceleration - ground  # of the coordinate: less the base's acceleration
     h = 2.0 * c.half
     base_velocity = m.base_velocity - h * recoil if mu > 0.0 else 0.0
     base = m.base + h * base_velocity
