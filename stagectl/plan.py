@@ -121,7 +121,7 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     path = np.stack(motion.at(t)[:3], axis=1) / setup.file.axis.travel_per_unit
     path[:, 0] += start.position
     current, answer = model_effects.along(p, memory, path, dt)
-    model_effects.put_into(rows, p, current, start.position)
+    model_effects.put_into(rows, p, current, (start.position, memory.whole.commands[0]))
     return answer
 
 

@@ -26,7 +26,16 @@ from numpy.typing import NDArray
 
 from stagectl.compensation import period_currents
 from stagectl.compensation.constants import EFFECT_SHARE, EFFECTS_SHARE, INVERSE_STEPS, ROUNDING
-from stagectl.kernels import effects, equilibrium, friction, inverse, plant_with_effects, stage, transmission
+from stagectl.kernels import (
+    drive_effects,
+    effects,
+    equilibrium,
+    friction,
+    inverse,
+    plant_with_effects,
+    stage,
+    transmission,
+)
 from stagectl.kernels.fields import get, put
 from stagectl.kernels.jit import states
 from stagectl.kernels.law import SETPOINT_COLUMNS
@@ -82,7 +91,8 @@ class Answer(NamedTuple):
 def present(p: stage.Stage) -> bool:
     """Whether the model holds anything beyond tracking and rolling friction that is answered."""
     known = plain(p)
-    body = (p.motor, p.mechanics, p.drive.offset) != (known.motor, known.mechanics, 0.0)
+    path = (p.drive.offset, p.drive.gain, p.drive.gain_asymmetry, p.drive.directed_offset)
+    body = (p.motor, p.mechanics, path) != (known.motor, known.mechanics, (0.0, 0.0, 0.0, 0.0))
     rubbing = p.friction[1:] != known.friction[1:]
     return body or rubbing or p.residual.coordinate != effects.NONE or mapped(p)
 
@@ -92,15 +102,28 @@ def mapped(p: stage.Stage) -> bool:
     return p.encoder[2:] != plain(p).encoder[2:]
 
 
-def put_into(rows: Array, p: stage.Stage, current: Array, place: float) -> None:
-    """Add `current` (n,) A, and the encoder's map, to setpoints `rows` (n, 8).
+def put_into(rows: Array, p: stage.Stage, current: Array, begins: tuple[float, float]) -> None:
+    """Add `current` (n,) A, and the encoder's map, to setpoints `rows` (n, 8), and make commands of currents.
 
-    The axis begins where its encoder reads `place` (rad | m).
+    The axis `begins` where its encoder reads that (rad | m), held by a feedback of so much (A).
     """
+    place, held = begins
     rows[:, SETPOINT_COLUMNS["friction"]] += current
+    if p.drive != plain(p).drive:
+        known = rows[:, SETPOINT_COLUMNS["feedforward"]] + rows[:, SETPOINT_COLUMNS["friction"]]
+        rows[:, SETPOINT_COLUMNS["friction"]] += _called_for(p.drive, known, held) - known
     if mapped(p):
         target = SETPOINT_COLUMNS["target"]
         rows[:, target] += read_beside(p, place, rows[:, target])
+
+
+def _called_for(p: stage.Drive, current: Array, held: float) -> Array:
+    """What commands (n,) A beside `held` (A) give these currents (n,) A beside its own: `drive_effects.called_for`."""
+    wanted = current + drive_effects.amplified(p, held)
+    side = np.sign(wanted)
+    left = np.maximum(np.abs(wanted) - p.directed_offset, 0.0)
+    commands: Array = side * left / (1.0 + p.gain + side * p.gain_asymmetry) - held
+    return commands
 
 
 def read_beside(p: stage.Stage, place: float, way: Array) -> Array:

@@ -58,6 +58,8 @@ def having(p: Stage, effect: Definition, times: float) -> Stage:
     """The stage with an effect of so many times its typical size."""
     values = {amplitude.name: times * amplitude.typical[0] for amplitude in effect.amplitudes}
     values |= {shape.name: shape.grid[len(shape.grid) // 2] if shape.grid else 4.0 for shape in effect.shapes}
+    if effect.name == "torque_path":  # what jumps with the sign of the command is another test
+        values["directed_offset"] = 0.0
     if "resonance" in values:  # of a ball screw; a softer drive train leaves no bandwidth of 40 Hz
         values["resonance"] = {"compliance": 400.0, "backlash": 800.0}[effect.name]
     return effect.apply(p, values)
@@ -92,6 +94,15 @@ def test_a_known_effect_costs_no_accuracy(
     machine = ball_screw._replace(stage=having(ball_screw.stage, DEFINITIONS[name], times))
     for motion, least in plain_peaks.items():
         assert peak(machine, machine, MOTIONS[motion]) <= WITHIN.get(name, 1.5) * least, motion
+
+
+def test_what_jumps_with_the_sign_of_the_command_is_answered_in_part(ball_screw: Setup) -> None:
+    """The feedback, which nobody knows beforehand, makes it jump, too: 64 to 229 nm are left of 0.16 A."""
+    drive = ball_screw.stage.drive._replace(directed_offset=0.156)
+    machine = ball_screw._replace(stage=ball_screw.stage._replace(drive=drive))
+    unknown = machine.having(control=machine.file.control._replace(unanswered=("drive.directed_offset",)))
+    for motion in MOTIONS.values():
+        assert peak(machine, machine, motion) < 0.6 * peak(unknown, machine, motion), motion
 
 
 def weighted(p: Stage, bias: float = 0.0, weight: float = 0.0) -> Stage:
