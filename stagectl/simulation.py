@@ -31,7 +31,7 @@ def simulate(setup: Setup, plan: Plan, running: Law, plant: Setup | None = None,
     rows = np.zeros((count, rollout.WIDTH))
     loop = rollout.Loop(running, machine.stage)
     inputs = (plan.setpoints, noise(machine.file.simulation, count, machine.stage.drive.jitter), rows)
-    plant_state = stage.at_reading(machine.stage, 0.0, start)
+    plant_state = stage.at_reading(machine.stage, 0.0, start, setup.file.brake.holding(setup.stage, 0.0))
     _run(loop, plant_state, inputs, (setup.dt, machine.file.simulation.substeps))
     return structured(rows)
 
@@ -94,7 +94,7 @@ def simulate_with_friction(
     p = _without_friction(machine)
     noises = noise(machine.file.simulation, len(plan.setpoints), p.drive.jitter)
     rows = np.zeros((len(plan.setpoints), rollout.WIDTH))
-    x, work = stage.at_reading(p, 0.0), Work()
+    x, work = stage.at_reading(p, 0.0, held=setup.file.brake.holding(setup.stage, 0.0)), Work()
     memory = rollout.holding(x)
     applied = (friction_law, work)
     for k, (setpoint, drawn) in enumerate(zip(plan.setpoints.tolist(), noises.tolist(), strict=True)):

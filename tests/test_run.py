@@ -328,7 +328,7 @@ def with_effects(folder: Path) -> Path:
 
 
 def test_what_holds_a_memory_of_the_way_runs_as_it_simulates(tmp_path: Path) -> None:
-    """Bit for bit; what goes by the clock (warming, steps, contacts that age) has waited for the motion in a run."""
+    """Bit for bit."""
     body = """  viscous_asymmetry: 0.1
   cable: {stiffness: 0.02 N m/rad, hysteresis: 0.1 N m, slip: 0.6 rad}
   base: {ratio: 0.05, frequency: 21 Hz}
@@ -346,6 +346,45 @@ def test_what_holds_a_memory_of_the_way_runs_as_it_simulates(tmp_path: Path) -> 
     ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
     for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
         assert np.array_equal(ran[column], simulated[column]), column
+
+
+BRAKE = "brake: {control: drive, release: 30 ms, engage: 50 ms}\n"
+ASYMMETRIC = (
+    "  bias: -2 N m\n  viscous_asymmetry: 0.1\n",
+    "  asymmetry: 0.03\n  load: 0.03\n",
+)
+PULLED = (
+    "  gravity: {amplitude: 1.5 N m, phase: 90 deg}\n"
+    "  cable: {stiffness: 0.1 N m/rad, centre: 8 mm, hysteresis: 0.1 N m, slip: 0.6 rad}\n",
+    "",
+)
+WITH_TIME = (
+    "  viscous_warming: {rise: 0.3, time: 10 s}\n  viscous_step: {share: 0.1, at: 0.5 s}\n",
+    "  warming: {rise: 0.3, time: 10 s}\n  step: {share: -0.2, at: 0.4 s}\n  lag: 5 ms\n"
+    "  dwell: {rise: 0.1, time: 0.1 s, length: 4 um}\n  stribeck: {rise: 0.2, velocity: 3 mm/s}\n",
+)
+
+
+@pytest.mark.parametrize(
+    ("added", "brake"), [(ASYMMETRIC, BRAKE), (PULLED, BRAKE), (("  bias: -0.5 N m\n", ""), BRAKE), (WITH_TIME, "")]
+)
+def test_a_load_behind_a_brake_and_what_goes_by_the_clock_run_as_they_simulate(
+    tmp_path: Path, added: tuple[str, str], brake: str
+) -> None:
+    """Bit for bit, and as near as without: more than friction carries, or less of it; from a machine that is cold."""
+    text, stage, move = movable(STAGE.read_text()), tmp_path / "stage.yaml", tmp_path / "move.yaml"
+    for line, more in zip(("  viscous: 0.14 N m s/rad\n", "  coulomb: 1.0 N m\n"), added, strict=True):
+        assert line in text
+        text = text.replace(line, line + more)
+    stage.write_text(text + brake)
+    move.write_text("{type: sine, amplitude: 2 mm, frequency: 3.2 Hz, periods: 2}")
+    sc.simulate(stage, move).save(tmp_path / "s.h5")
+    done = stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
+    assert done.returncode == 0, done.stderr
+    ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
+    for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
+        assert np.array_equal(ran[column], simulated[column]), column
+    assert np.abs(ran["error"]).max() <= 3.0 * 2.0 * np.pi / 2**20  # the plain stage: 27.9 nm, 2.4 counts
 
 
 def test_a_model_with_effects_runs_as_it_simulates_and_from_where_the_axis_stands(tmp_path: Path) -> None:

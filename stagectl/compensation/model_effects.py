@@ -26,7 +26,16 @@ from numpy.typing import NDArray
 
 from stagectl.compensation import period_currents
 from stagectl.compensation.constants import EFFECT_SHARE, EFFECTS_SHARE, INVERSE_STEPS, ROUNDING
-from stagectl.kernels import effects, equilibrium, friction, inverse, plant_with_effects, stage, transmission
+from stagectl.kernels import (
+    drive_effects,
+    effects,
+    equilibrium,
+    friction,
+    inverse,
+    plant_with_effects,
+    stage,
+    transmission,
+)
 from stagectl.kernels.fields import get, put
 from stagectl.kernels.jit import states
 from stagectl.kernels.law import SETPOINT_COLUMNS
@@ -41,6 +50,7 @@ class Memory(NamedTuple):
     plain: stage.State
     origin: float  # rad | m, where the axis stood before the first motion
     held: float = 0.0  # A, the current at the end of the last motion, which holds since
+    braked: bool = False  # whether a brake held it before, which was released under its whole load
 
     def copy(self) -> Memory:
         """One of its own to move on, for the kernels of this process: another may have interpreted its own."""
@@ -81,7 +91,8 @@ class Answer(NamedTuple):
 def present(p: stage.Stage) -> bool:
     """Whether the model holds anything beyond tracking and rolling friction that is answered."""
     known = plain(p)
-    body = (p.motor, p.mechanics, p.drive.offset) != (known.motor, known.mechanics, 0.0)
+    path = (p.drive.offset, p.drive.gain, p.drive.gain_asymmetry, p.drive.directed_offset)
+    body = (p.motor, p.mechanics, path) != (known.motor, known.mechanics, (0.0, 0.0, 0.0, 0.0))
     rubbing = p.friction[1:] != known.friction[1:]
     return body or rubbing or p.residual.coordinate != effects.NONE or mapped(p)
 
@@ -91,15 +102,28 @@ def mapped(p: stage.Stage) -> bool:
     return p.encoder[2:] != plain(p).encoder[2:]
 
 
-def put_into(rows: Array, p: stage.Stage, current: Array, place: float) -> None:
-    """Add `current` (n,) A, and the encoder's map, to setpoints `rows` (n, 8).
+def put_into(rows: Array, p: stage.Stage, current: Array, begins: tuple[float, float]) -> None:
+    """Add `current` (n,) A, and the encoder's map, to setpoints `rows` (n, 8), and make commands of currents.
 
-    The axis begins where its encoder reads `place` (rad | m).
+    The axis `begins` where its encoder reads that (rad | m), held by a feedback of so much (A).
     """
+    place, held = begins
     rows[:, SETPOINT_COLUMNS["friction"]] += current
+    if p.drive != plain(p).drive:
+        known = rows[:, SETPOINT_COLUMNS["feedforward"]] + rows[:, SETPOINT_COLUMNS["friction"]]
+        rows[:, SETPOINT_COLUMNS["friction"]] += _called_for(p.drive, known, held) - known
     if mapped(p):
         target = SETPOINT_COLUMNS["target"]
         rows[:, target] += read_beside(p, place, rows[:, target])
+
+
+def _called_for(p: stage.Drive, current: Array, held: float) -> Array:
+    """What commands (n,) A beside `held` (A) give these currents (n,) A beside its own: `drive_effects.called_for`."""
+    wanted = current + drive_effects.amplified(p, held)
+    side = np.sign(wanted)
+    left = np.maximum(np.abs(wanted) - p.directed_offset, 0.0)
+    commands: Array = side * left / (1.0 + p.gain + side * p.gain_asymmetry) - held
+    return commands
 
 
 def read_beside(p: stage.Stage, place: float, way: Array) -> Array:
@@ -142,18 +166,25 @@ def _sudden(p: stage.Stage, dt: float) -> bool:
     return gap or p.friction.step.share != 0.0 or p.mechanics.viscous_step.share != 0.0
 
 
-def begun(p: stage.Stage, position: float, clock: float = 0.0) -> Memory:
+def begun(p: stage.Stage, position: float, clock: float = 0.0, braked: bool = False) -> Memory:
     """The memory of an axis that stands at `position` (rad | m) at the session `clock` (s), and has not moved yet."""
-    return Memory(stage.at_rest(p, position, clock), stage.at_rest(plain(p), position, clock), position)
+    whole, known = (_at_rest(model, position, clock, braked) for model in (p, plain(p)))
+    return Memory(whole, known, position, braked=braked)
 
 
-def going_on(p: stage.Stage, position: float, left: Memory | None, clock: float) -> Memory:
-    """The memory of an axis that stands at `position` (rad | m) at the session `clock` (s).
+def _at_rest(p: stage.Stage, position: float, clock: float, braked: bool) -> stage.State:
+    """The model before its first motion."""
+    return stage.at_rest(p, position, clock, stage.released(p, position) if braked else 0.0)
+
+
+def going_on(p: stage.Stage, start: tuple[float, float], left: Memory | None, braked: bool) -> Memory:
+    """The memory of an axis that stands at the position (rad | m), and the session clock (s), of `start`.
 
     It is what the last motion `left`, if that ended there.
     """
+    position, clock = start
     if left is None or abs(left.whole.position - position) > p.encoder.step + ROUNDING * (1.0 + abs(position)):
-        return begun(p, position, clock)
+        return begun(p, position, clock, braked)
     return left.at(clock)
 
 
@@ -165,7 +196,7 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     """
     each, known = steps(p, dt), plain(p)
     hold = period_currents.hold(p, dt)
-    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin, hold)
+    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), (memory.origin, memory.braked), hold)
     begins = memory.copy().plain
     current, whole = way.demanded(p, memory.whole)
     without, plain_end = way.demanded(known, memory.plain)
@@ -176,7 +207,7 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     np.clip(current, -most, most, out=current)
     held = float(current[-1])
     periods = current[1:] + period_currents.fading(memory.held - float(current[0]), len(current) - 1, dt)
-    return periods, Answer(Memory(whole, plain_end, memory.origin, held), limited, mapped(p))
+    return periods, Answer(memory._replace(whole=whole, plain=plain_end, held=held), limited, mapped(p))
 
 
 class _Way(NamedTuple):
@@ -185,7 +216,7 @@ class _Way(NamedTuple):
     plain: stage.Stage
     motion: Array  # (n `steps[1]` + 1, 3)
     steps: tuple[float, int]  # s between its rows, and how many of them are a control period
-    origin: float  # rad | m, where what is demanded at rest is left to the feedback
+    origin: tuple[float, bool]  # rad | m, where what is demanded at rest is left to the feedback; whether it was braked
     hold: period_currents.Hold  # of all models alike, as they are subtracted
 
     def for_model(self, p: stage.Stage) -> _Way:
@@ -196,9 +227,14 @@ class _Way(NamedTuple):
             return self
         return self._replace(motion=self.motion[:: each // needed].copy(), steps=(h * each / needed, needed))
 
+    def begun(self, p: stage.Stage, clock: float) -> stage.State:
+        """A model before the first motion, but at this session `clock` (s)."""
+        position, braked = self.origin
+        return _at_rest(p, position, clock, braked)
+
     def demanded(self, p: stage.Stage, x: stage.State) -> tuple[Array, stage.State]:
         """Current (n + 1,) A at rest and in each period, beyond that at rest at the origin; the state at the end."""
-        at_origin, begins = _resting(p, stage.at_rest(p, self.origin, x.memory.time)), _resting(p, x)
+        at_origin, begins = _resting(p, self.begun(p, x.memory.time)), _resting(p, x)
         out = np.empty(len(self.motion))
         end = inverse.along(p, x, self.motion, self.steps[0], out)
         acting = self.hold.commands(0.5 * (out[1:] + out[:-1]), self.steps[1])
@@ -226,7 +262,7 @@ def _within_shares(
     for place in places(p):
         alone = put(way.plain, place, get(p, place))
         rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
-        rests = stage.at_rest(alone, begins.position, begins.memory.time)
+        rests = _at_rest(alone, begins.position, begins.memory.time, way.origin[1])
         own, _ = way.for_model(alone).demanded(alone, rests._replace(**rubbing))
         own -= without
         current -= own - period_currents.spread(own, most)

@@ -13,6 +13,7 @@ The brake is applied by springs: without current it holds.  It is no safety func
 
 from typing import Annotated, Literal, NamedTuple
 
+from stagectl.kernels import stage
 from stagectl.units import Quantity
 
 
@@ -34,6 +35,16 @@ class Brake(NamedTuple):
     def present(self) -> bool:
         """Whether there is one."""
         return self.control != "none"
+
+    def holding(self, p: stage.Stage, measured: float) -> float:
+        """Command (A) with which the brake is released where the encoder reads `measured` (rad | m): the whole load.
+
+        So friction is left unloaded, and carries what the model does not know, to either side.  0 without a brake.
+        """
+        if not self.present:
+            return 0.0
+        given = self.holding_current
+        return stage.released(p, measured) if given is None else stage.rounded(p.drive, given)
 
 
 NO_BRAKE = Brake()

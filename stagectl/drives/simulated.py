@@ -24,16 +24,18 @@ def drawn(source: random.Random, p: Simulation, jitter: float) -> stage.Noise:
 class Plant:
     """A stage and its state: the mutable shell around the pure kernel."""
 
-    def __init__(self, p: stage.Stage, simulation: Simulation, dt: float) -> None:
-        self.p, self.simulation, self.dt = p, simulation, dt
+    def __init__(self, p: stage.Stage, simulation: Simulation, dt: float, holding: float = 0.0) -> None:
+        """Its friction carries what the command `holding` (A), with which its brake is released, does not."""
+        self.p, self.simulation, self.dt, self.holding = p, simulation, dt, holding
         self.restart()
 
     def restart(self) -> None:
-        """At rest where the encoder reads 0, unloaded, without power, the noise from its beginning."""
-        self.state = stage.at_reading(self.p, 0.0)._replace(commands=stage.NO_COMMANDS, current=self.p.drive.offset)
+        """At rest where the encoder reads 0, cold, without power, the noise from its beginning."""
+        held = stage.at_reading(self.p, 0.0, held=self.holding)
+        self.state = held._replace(commands=stage.NO_COMMANDS, current=self.p.drive.offset)
         self._random = random.Random(self.simulation.seed)
         self._powered = False
-        self._noise, self._silent = stage.SILENT, True
+        self._noise, self._silent, self._cold = stage.SILENT, True, True
 
     def compile(self) -> None:
         """Compile every kernel of a period, and restart: a controller does not wait for it in a motion."""
@@ -69,6 +71,15 @@ class Plant:
         substeps = max(1, math.ceil(seconds / self.dt * self.simulation.substeps - 1e-6))
         self.state = stage.drifted(self.p, self.state, self._current_noise(), seconds, substeps)
 
+    def arrest(self, seconds: float) -> None:
+        """Let time go on while a brake holds the axis: the current alone changes, under the command that acts."""
+        before, stops = self.state, list(self.state.stops)
+        self.drift(seconds)
+        after, now = self.state, self.state.memory
+        before.stops[:] = stops
+        memory = before.memory._replace(time=now.time, acting=now.acting, heat=now.heat, rate=now.rate)
+        self.state = before._replace(current=after.current, velocity=0.0, memory=memory)
+
     def latch(self) -> None:
         """The end of a period: its position enters the measurement's delay line, new noise is drawn."""
         self.state = stage.latched(self.p, self.state)
@@ -99,6 +110,9 @@ class Plant:
         return self._noise if self._powered else stage.SILENT
 
     def _draw(self) -> stage.Noise:
+        if self._cold:  # with power a machine begins to warm, and its contacts to age, as in `simulate`
+            self._cold = False
+            self.state = self.state._replace(memory=self.state.memory._replace(time=0.0, rested=0.0))
         return drawn(self._random, self.simulation, self.p.drive.jitter)
 
 

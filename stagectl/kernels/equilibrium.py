@@ -1,7 +1,7 @@
 """The plant at rest, who carries what; and the plant as it moves on.
 
-Friction carries what acts on an axis at rest.  What is more than it can carry, a current does: of a loop that has stood
-there.
+Friction carries what acts on an axis at rest, less what a command does: that with which a brake was released.  What is
+more than friction can carry, a current does: of a loop that has stood there.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _NEVER: Line = (-math.inf,) * 8  # no command has begun
 
 
 @kernel
-def standing(p: Stage, stops: Any, position: float, time: float) -> State:
+def standing(p: Stage, stops: Any, position: float, time: float, held: float) -> State:
     """The plant at rest at `position` (rad | m), its operators `stops` (n,), changed in place: see `stage.at_rest`."""
-    behind, current = position, p.drive.offset
+    behind, current = position, drive_effects.limited(p.drive, held, p.drive.current_limit, 0.0)
     for _ in range(LOAD_STEPS):
         driving, pulling = efforts(p, position, (time, current), behind)
         load = driving + pulling
@@ -41,15 +41,28 @@ def standing(p: Stage, stops: Any, position: float, time: float) -> State:
         force = friction.settled(p.friction.operators, stops, load - beyond - carried, factor) + carried
         constant = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * position).constant
         behind = _load_at(p, position, driving - beyond, force)
-        current = min(max(current - beyond / constant, -p.drive.current_limit), p.drive.current_limit)
+        if beyond != 0.0:
+            current = min(max(current - beyond / constant, -p.drive.current_limit), p.drive.current_limit)
+            held = drive_effects.called_for(p.drive, current - p.drive.offset)
     memory = Memory(
         time, _NEVER, -math.inf, current, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0, 0.0
     )  # fmt: skip
     seen = plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
     here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)
-    held = drive_effects.called_for(p.drive, current - p.drive.offset)
     commands: Line = (held, held, held, held, held, held, held, held)
     return State(commands, here, current, position, 0.0, force, stops, bristle, memory)
+
+
+@kernel
+def carrying(p: Stage, position: float) -> float:
+    """Command (A) that carries all that acts on an axis at rest at `position` (rad | m): friction has nothing to do."""
+    behind, current = position, p.drive.offset
+    for _ in range(LOAD_STEPS):
+        driving, pulling = efforts(p, position, (0.0, current), behind)
+        constant = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * position).constant
+        behind = _load_at(p, position, 0.0 - pulling, 0.0)
+        current = min(max(current - (driving + pulling) / constant, -p.drive.current_limit), p.drive.current_limit)
+    return drive_effects.called_for(p.drive, current - p.drive.offset)
 
 
 def in_motion(p: Stage, x: State, velocity: float, current: float, dt: float) -> State:

@@ -90,7 +90,7 @@ def _opposed(
     )
     contact = friction_effects.Contact(x.force, x.bristle, m.lagged, m.rested)
     driving = p.motor.force_constant * (2.0 * x.current - m.before)  # as it is now: the last two steps', continued
-    limits = friction_effects.limits(c, contact, velocity, place, driving)
+    limits = _limits_now(c, contact, (velocity, velocity - 0.5 * (given.velocity - x.velocity), dx), place, driving)
     force = friction.stops_between(p.friction.operators, x.stops, dx, limits.low, limits.high)
     contact = friction_effects.slid(c, contact, limits, force, dx)
     path = plant_with_effects.Path(m.cable, m.turned, m.furthest, m.direction)
@@ -104,6 +104,30 @@ def _opposed(
         pull += effects.looked_up(p.residual, place)
     viscous = transmission.viscous(p.mechanics, masses, velocity) * velocity
     return _Opposed(contact.force + viscous, pull, contact, path, load)
+
+
+@kernel
+def _limits_now(
+    c: friction_effects.Held,
+    x: friction_effects.Contact,
+    motion: tuple[float, float, float],
+    place: float,
+    effort: float,
+) -> friction_effects.Limits:
+    """What may slip at the end of a step, of a contact `x` as it was at its beginning.
+
+    `motion` has the velocity at the end, the mean one and the way.  The velocity that lags follows the mean one; the
+    contact has become older or younger on the way.
+    """
+    velocity, mean, dx = motion
+    if c.learns < 1.0:
+        velocity = mean
+    limits = friction_effects.limits(c, x, velocity, place, effort)
+    if c.dwell.rise == 0.0:
+        return limits
+    aged = friction_effects.slid(c, x, limits, x.force, dx).rested
+    now = friction_effects.Contact(x.force, x.bristle, x.lagged, aged)
+    return friction_effects.limits(c, now, velocity, place, effort)
 
 
 @kernel
@@ -121,10 +145,13 @@ def _effort(c: transmission.Coefficients, m: Memory, given: _Given, opposed: _Op
         )
         load_share = c.load / (c.motor + c.load)
         free = (spring - opposed.pull - c.share * opposed.friction) / c.load
-    ground = (given.acceleration - mu * load_share * free - feet) / (1.0 + mu * (1.0 - load_share))
+    share = 1.0 + mu * (1.0 - load_share)
+    # The base's velocity is half a step old, and the feet damp it as it is now: half a step of the recoil later.
+    recoil = mu * (given.acceleration * (1.0 - load_share) + load_share * free) + feet
+    recoil /= share + c.half * damping  # of the coordinate: less the base's acceleration
+    ground = given.acceleration - recoil
     against = opposed.friction + opposed.pull if c.load == 0.0 else spring + (1.0 - c.share) * opposed.friction
     effort = c.motor * ground + against
-    recoil = given.acceleration - ground  # of the coordinate: less the base's acceleration
     h = 2.0 * c.half
     base_velocity = m.base_velocity - h * recoil if mu > 0.0 else 0.0
     base = m.base + h * base_velocity

@@ -66,18 +66,23 @@ class Steps(NamedTuple):
     with_effects: plant_with_effects.Steps
 
 
-def at_rest(p: Stage, position: float = 0.0, time: float = 0.0) -> State:
-    """The plant standing at `position` without command, at the session clock `time` (s).
+def at_rest(p: Stage, position: float = 0.0, time: float = 0.0, held: float = 0.0) -> State:
+    """The plant standing at `position` under the command `held` (A), at the session clock `time` (s).
 
-    Its friction carries bias, cogging, cable and what else acts on the axis; behind a transmission the load is where
+    Its friction carries what else acts on the axis: bias, cogging, cable; behind a transmission the load is where
     spring and gap balance.
     """
-    return equilibrium.standing(p, friction.relaxed(p.friction.operators), float(position), float(time))
+    return equilibrium.standing(p, friction.relaxed(p.friction.operators), float(position), float(time), float(held))
 
 
-def at_reading(p: Stage, measured: float, time: float = 0.0) -> State:
+def at_reading(p: Stage, measured: float, time: float = 0.0, held: float = 0.0) -> State:
     """`at_rest` where the encoder, with the errors of its grating, reads `measured` (rad | m)."""
-    return at_rest(p, equilibrium.read(p, float(measured)), time)
+    return at_rest(p, equilibrium.read(p, float(measured)), time, held)
+
+
+def released(p: Stage, measured: float) -> float:
+    """Command (A), in the drive's steps, that carries all of the load where the encoder reads `measured` (rad | m)."""
+    return rounded(p.drive, equilibrium.carrying(p, equilibrium.read(p, float(measured))))
 
 
 def as_read(p: Stage, measured: float, time: float, going_on: tuple[float, float], dt: float) -> State:
@@ -89,6 +94,15 @@ def as_read(p: Stage, measured: float, time: float, going_on: tuple[float, float
 def sliding(p: Friction) -> float:
     """Friction at speed (N m | N), without its viscous part."""
     return float(sum(p.operators.weight)) + p.bristle.coulomb
+
+
+def load(p: Stage, travel: tuple[float, float]) -> float:
+    """The most that acts on an axis at rest within its `travel` (rad | m), without friction (N m | N)."""
+    mechanics, motor, cable = p.mechanics, p.motor, p.mechanics.cable
+    waves = mechanics.gravity, motor.cogging, motor.cogging_second, motor.cogging_third, motor.cogging_fourth
+    stretched = max(abs(place - cable.centre) for place in travel)
+    pulled = cable.stiffness * stretched + cable.hysteresis if cable.stiffness or cable.hysteresis else 0.0
+    return abs(mechanics.bias) + sum(abs(wave.amplitude) for wave in waves) + pulled
 
 
 def scaled_friction(p: Friction, factor: float) -> Friction:

@@ -76,7 +76,7 @@ class Axis(AxisData):
     def rest(self) -> None:
         """The command where our law does not act; as power comes, what carries the axis once its brake is released."""
         assert self.drive is not None
-        self.drive.apply(self.p.holding if self.state in _UNLOADED else 0.0)
+        self.drive.apply(self.holding if self.state in _UNLOADED else 0.0)
 
     def _delayed(self) -> Fault:
         """Count a late period; too many in a row are a fault where our law acts."""

@@ -15,6 +15,8 @@ from stagectl.drives.homing import Homing
 from stagectl.drives.limits import CERTAIN_FAULT_CYCLES, SILENT_CYCLES
 from stagectl.drives.run_on import AxisLimits
 from stagectl.kernels import law, stage
+from stagectl.kernels.effects import NO_TABLE, Harmonic
+from stagectl.kernels.plant import Cable
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.homing import DriveSearch, Search
 from stagectl.realtime.setpoint_sources import Hold, Model, Ramp, Rows, Source, caught, held
@@ -59,7 +61,6 @@ class Orders(NamedTuple):
     ring: RingPlace
     board: int
     brake: Brake = NO_BRAKE
-    holding: float = 0.0  # A, current that carries the axis as its brake is released
 
 
 Connect = Callable[[Orders], Drive]
@@ -81,6 +82,7 @@ class AxisData:
         self.asked = held(0.0, 0.0)
         self.speed = 0.0  # rad/s | m/s, of the reference
         self.seen, self.output, self.current = _UNKNOWN, NO_OUTPUT, 0.0
+        self.holding = 0.0  # A, carries the axis as its brake is released
         self.verdict = Fault.NONE  # on this period
         self.offset, self.homed = 0.0, p.homing.method == "none"
         self.search: Search | None = None
@@ -104,11 +106,19 @@ class AxisData:
         """Whether the axis is held, moves, or is being stopped."""
         return self.state in POWERED or self.state in STOPS_GOING_ON or self.state in _NOT_GOVERNED
 
+    def carrying(self) -> float:
+        """Current (A) with which the brake is released here; without a home nothing is known of what the place does."""
+        p = self.p.stage
+        if not self.homed:
+            body = p.mechanics._replace(cable=Cable(), gravity=Harmonic())
+            p = p._replace(motor=stage.Motor(p.motor.force_constant), mechanics=body, residual=NO_TABLE)
+        return self.p.brake.holding(p, self.seen.position)
+
     def adrift(self) -> bool:
         """Whether the axis leaves the place where it got power: as its brake is released no law holds it yet."""
         limits = self.limits
-        if math.isnan(self.start):  # the first period of a connection
-            self.start = self.seen.position
+        if math.isnan(self.start):  # the first period on the way to power
+            self.start, self.holding = self.seen.position, self.carrying()
         most = 2.0 * (limits.following_error + limits.error_ramp * limits.speed)
         return self.p.brake.present and abs(self.seen.position - self.start) > most
 

@@ -43,7 +43,7 @@ def envelope(setup: Setup) -> Envelope:
         jump=_counted(p, limits.encoder_jump, _JUMP * moving),
         acceleration=_FORCE * acceleration(p),
         freeze=_counted(p, limits.encoder_freeze, _FREEZE * moving),
-        breakaway=_breakaway(p),
+        breakaway=_breakaway(p, limits.travel),
         freeze_time=_BREAKAWAY_TIME,
         current=_CURRENT * setup.file.drive.current_limit if limits.current is None else limits.current,
         current_time=_CURRENT_TIME,
@@ -119,10 +119,10 @@ def _unbraked(setup: Setup, at: float, allowed: float, needed: float) -> LimitEr
     return LimitError(problem._replace(remedy=remedy), needed * scale, allowed * scale)
 
 
-def _breakaway(p: stage.Stage) -> float:
+def _breakaway(p: stage.Stage, travel: tuple[float, float]) -> float:
     """Current (A) under which the axis must move; inf where the drive cannot give it."""
     rise = 1.0 + p.friction.stribeck.rise
-    effort = stage.sliding(p.friction) * rise + abs(p.mechanics.bias)
+    effort = stage.sliding(p.friction) * rise + stage.load(p, travel)
     current = _BREAKAWAY * effort / p.motor.force_constant
     return current if current < p.drive.current_limit else math.inf
 

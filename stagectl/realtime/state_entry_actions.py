@@ -51,7 +51,7 @@ def _without_power(axis: AxisData, _: State) -> None:
 
 def _enabling(axis: AxisData, _: State) -> None:
     axis.since, axis.fault, axis.judged = axis.cycles, Fault.NONE, ""
-    axis.start = axis.seen.position
+    axis.start, axis.holding = math.nan, 0.0  # known in the next period: see `AxisData.adrift`
     axis.asked = held(axis.seen.position, 0.0)  # a jump counts from here, not from before a new connection
     _ask(axis, Power.ON)
 
@@ -60,9 +60,10 @@ def _standing(axis: AxisData, old: State) -> None:
     """Hold what was asked last, with the friction that is loaded; where another law held the axis, where it stands."""
     axis.settled, axis.search = 0.0, None
     if old in (State.ENABLING, State.DRIVE_HOMING):
+        axis.holding = axis.carrying() if old is State.DRIVE_HOMING else axis.holding  # it stands elsewhere now
         axis.watch = safety.FRESH._replace(heat=axis.watch.heat)
-        axis.asked, axis.current = held(axis.seen.position, 0.0), axis.p.holding
-        axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.p.holding)
+        axis.asked, axis.current = held(axis.seen.position, 0.0), axis.holding
+        axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.holding)
     axis.choose_limits(fresh=old in (State.ENABLING, State.HOMING, State.DRIVE_HOMING))
     axis.speed = 0.0
     axis.source = Hold(axis.asked.reference, axis.asked.friction)
@@ -102,7 +103,7 @@ def _engaging(axis: AxisData, old: State) -> Event | None:
     if not axis.p.brake.present:
         return Event.DONE
     if old is State.ENABLING:  # its brake may be released already
-        axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.p.holding)
+        axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.holding)
     _ask(axis, Power.ENGAGE)
     return None
 

@@ -74,6 +74,7 @@ class AxisController:
         self._put, self._granted = 0, 0.0  # rows of the motion that are on the board, and that may be
         self._left: Start | None = None  # what the last motion left of the friction
         self._next_left: Start | None = None
+        self._cold = 0.0  # periods until it first got power: from then on it warms up
 
     def renew(self) -> None:
         """New shared memory after a process died; the old one stays as long as somebody reads it."""
@@ -159,7 +160,7 @@ class AxisController:
         feedforward = self.controller.feedforward
         here = self.status.reference
         start = Start(stops=relaxed(feedforward.friction)) if self._left is None else self._left
-        clock = self.setup.dt * self.status.cycles  # the service cannot know for how long the axis moved before it
+        clock = self.setup.dt * (self.status.cycles - self._cold)  # nobody knows for how long it moved before that
         start = start._replace(position=here if math.isfinite(here) else 0.0, clock=clock)
         return Task(name, self._from_here(), feedforward, start, trajectory)
 
@@ -224,6 +225,10 @@ class AxisController:
         end = max(int(min(done + AHEAD - 2, motion.length, self._granted)), self._put)  # a stopped one leaves its rows
         self.board.fill(motion.rows[self._put * size : end * size])
         self._put = end
+
+    def powered(self) -> None:
+        """The axis has got power."""
+        self._cold = self._cold or self.status.cycles
 
     def finished(self, whole: bool) -> None:
         """The motion is over; after a whole one the friction state is that at the end of its plan."""

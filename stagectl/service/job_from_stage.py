@@ -42,7 +42,6 @@ def orders(name: str, setup: Setup, running: law.Law, friction: bool, ring: Ring
         ring=ring.place,
         board=board.descriptor,
         brake=setup.file.brake,
-        holding=_holding(setup),
     )
 
 
@@ -52,14 +51,6 @@ def post(setup: Setup, axes: Sequence[Orders], coupled: bool = False, single: bo
     # A plant in this process takes longer than its period: at real-time priority it would starve the machine.
     priority = realtime.priority if all(axis.wire for axis in axes) else 0
     return Post(tuple(axes), setup.dt, priority, realtime.cpu, coupled, realtime.spin, single)
-
-
-def _holding(setup: Setup) -> float:
-    """Current (A) that carries the axis as its brake is released; 0 where it has none."""
-    brake, p = setup.file.brake, setup.stage
-    if not brake.present:
-        return 0.0
-    return -p.mechanics.bias / p.motor.force_constant if brake.holding_current is None else brake.holding_current
 
 
 def calm(setup: Setup) -> float:

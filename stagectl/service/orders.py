@@ -54,6 +54,7 @@ class OrderHandler:
             )
             if axis.state is not State.STANDING:
                 raise ServiceError(f"{axis.name}: {axis.board.words or 'it did not get power'}")
+            axis.powered()
 
     async def disable(self, axes: list[AxisController]) -> None:
         """Stop what moves, and switch power off."""

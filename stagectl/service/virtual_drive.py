@@ -152,7 +152,7 @@ def virtual_node(
     p = setup.stage
     # The bus itself delays the command by one period; the plant's own delay line adds the rest of nd.
     inside = p._replace(drive=p.drive._replace(delay_samples=p.drive.delay_samples - 1))
-    plant = Plant(inside, setup.file.simulation, setup.dt)
+    plant = Plant(inside, setup.file.simulation, setup.dt, setup.file.brake.holding(p, 0.0))
     damping = p.mechanics.inertia * 2.0 * math.pi * VELOCITY_LOOP / p.motor.force_constant
     axis = setup.file.axis
     return VirtualNode(

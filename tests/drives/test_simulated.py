@@ -6,6 +6,8 @@ import pytest
 
 from stagectl.drives.drive import Fault, Power, Simulation
 from stagectl.drives.simulated import Plant, Simulated, draw
+from stagectl.kernels.effects import Warming
+from stagectl.kernels.plant import Dwell
 from tests.drives.workbench import DT, linear_stage
 
 
@@ -66,3 +68,18 @@ def test_a_running_plant_hears_what_simulate_hears() -> None:
         heard.append(drive.plant._current_noise())
         drive.apply(0.0)
     assert heard == draw(settings, 5)
+
+
+def test_a_machine_is_cold_until_it_first_gets_power() -> None:
+    """What goes by the clock begins as in `simulate`, however long the machine has waited."""
+    p = linear_stage()
+    p = p._replace(friction=p.friction._replace(dwell=Dwell(0.1, 0.1), warming=Warming(0.3, 10.0)))
+    drive = Simulated(Plant(p, Simulation(substeps=4), DT))
+    for _ in range(100):
+        drive.apply(0.0)
+    for _ in range(2):  # power that comes again finds it warm
+        drive.ask(Power.ON)
+        drive.sample()
+        began = drive.plant.state.memory
+        drive.apply(0.0)
+    assert (began.time, began.rested) == (DT, DT)

@@ -53,6 +53,20 @@ def test_it_stays_where_it_is(machine: Callable[[Stage], Stage], ball_screw: Set
     assert x.position == pytest.approx(0.3, abs=1e-8)  # 2 % of what the encoder shows
 
 
+@pytest.mark.parametrize("machine", [weighted, with_ripple, with_load, with_gain, pressed])
+def test_released_under_its_whole_load_it_stays_and_friction_is_unloaded(
+    machine: Callable[[Stage], Stage], ball_screw: Setup
+) -> None:
+    p = machine(ball_screw.stage)
+    held = stage.released(p, 0.3)
+    x = stage.at_rest(p, 0.3, 0.0, held)
+    assert x.commands[0] == held
+    assert abs(x.force) <= p.motor.force_constant * p.drive.current_quantum  # what a step of the drive leaves
+    for _ in range(400):
+        x = stage.period(p, x, held, stage.SILENT, ball_screw.dt, 10)
+    assert x.position == pytest.approx(0.3, abs=1e-8)
+
+
 def test_the_drive_gives_what_is_called_for(ball_screw: Setup) -> None:
     """Beyond its limit nothing holds the axis."""
     p = weighted(ball_screw.stage)

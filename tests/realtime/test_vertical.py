@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -13,6 +14,7 @@ from stagectl.drives.canopen.library import SdoAbortedError
 from stagectl.drives.drive import Fault, StartUp
 from stagectl.drives.faults import BLOCKS
 from stagectl.drives.limits import BRAKE_PATIENCE
+from stagectl.kernels.effects import Harmonic
 from stagectl.realtime.states import Event, State
 from stagectl.selftest.rig import usual
 from tests.single_motion import SingleMotion
@@ -111,6 +113,36 @@ def test_torque_comes_before_release_and_release_before_motion(upright: Setup) -
     bench.run(lambda: bench.axis.state is State.MOVING)
     assert bench.rig.time.now() - powered >= 0.03
     assert bench.dropped(0) <= DROP  # nor while it gets its power
+
+
+def hanging(setup: Setup) -> Setup:
+    """A weight that turns with the axis, 1.5 N m where it stands."""
+    gravity = Harmonic(1.5, 1.0, 1.2)
+    return setup._replace(stage=setup.stage._replace(mechanics=setup.stage.mechanics._replace(gravity=gravity)))
+
+
+@pytest.mark.parametrize("control", ["drive", "output"])
+def test_its_brake_is_released_under_no_more_current_than_the_load_needs(ball_screw: Setup, control: str) -> None:
+    setup = hanging(ball_screw.having(brake=Brake(cast(Any, control), 0.03, ENGAGE)))
+    bench = Bench(setup.with_wire(start_up=(StartUp(0x605A00, 6),)) if control == "output" else setup, False)
+    p = setup.stage
+    needs, step = 1.5 * math.sin(1.2) / p.motor.force_constant, p.drive.current_quantum
+    plant = bench.rig.node.axis.plant
+    currents: list[float] = []
+    bench.run(lambda: currents.append(plant.state.current) or bench.rig.node.axis.brake.free)  # type: ignore[func-returns-value]
+    assert currents[-1] == pytest.approx(needs, abs=step)
+    assert min(currents) >= 0.0 and max(currents) <= needs + step
+    bench.to_motion()
+    assert abs(bench.rig.seen.position) < p.encoder.step  # nor does it move as it gets free
+
+
+def test_without_a_home_the_place_of_a_weight_is_not_known(ball_screw: Setup) -> None:
+    """Half a turn off, a current against it would push with it."""
+    setup = hanging(ball_screw.having(brake=Brake("drive", 0.03, ENGAGE)))
+    bench = Bench(setup, False)
+    bench.axis.homed = False
+    bench.run(lambda: bench.axis.state is not State.ENABLING)
+    assert bench.axis.holding == 0.0
 
 
 def test_without_its_brake_it_would_drop(upright: Setup) -> None:

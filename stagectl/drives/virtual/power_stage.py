@@ -70,7 +70,7 @@ class PowerStage:
         self._elapsed = self._limit = self._engaging = 0.0
         self.brake = HoldingBrake(brake)
         # The drive's own loop carries the weight as its integral would.
-        self._weight = -plant.p.mechanics.bias / plant.p.motor.force_constant if brake.present else 0.0
+        self._weight = plant.holding
 
     @property
     def stopping(self) -> bool:
@@ -119,7 +119,7 @@ class PowerStage:
 
     def advance(self, seconds: float) -> None:
         """Let time go on by a period or less, under the applied command or the drive's own stop."""
-        self.brake.advance(seconds)
+        self.brake.advance(seconds, self.enabled)
         if self._holds:
             if self._homes:
                 self.homing.advance(seconds)
@@ -131,8 +131,8 @@ class PowerStage:
             self.plant.command(self._actuator(current))
         if self.brake.free:
             self.plant.drift(seconds)
-        elif self.plant.state.velocity:
-            self.plant.state = self.plant.state._replace(velocity=0.0)  # the brake holds the axis where it is
+        else:
+            self.plant.arrest(seconds)
         if self.stopping:
             self._watch_stop(seconds)
 
@@ -201,9 +201,8 @@ class PowerStage:
         self.applied = self.target = self._limit = 0.0
         self.plant.powered = self.enabled
         self.plant.command(0.0)
-        if self.brake.by_drive:
-            self.brake.free = self.enabled
-            self.plant.state = self.plant.state._replace(velocity=self.plant.state.velocity * self.enabled)
+        if self.brake.by_drive and not self.enabled:
+            self.brake.free = False
 
     @property
     def _obeys(self) -> bool:

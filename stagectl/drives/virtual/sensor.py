@@ -10,6 +10,7 @@ from typing import NamedTuple
 from stagectl.drives.brake import Brake
 from stagectl.drives.bus.faulty_bus import Undo, added
 from stagectl.drives.canopen.cia402 import BRAKE_BIT
+from stagectl.drives.limits import TORQUE_TIME
 from stagectl.drives.simulated import Plant
 
 
@@ -90,14 +91,18 @@ class HoldingBrake:
         self.outputs, self.mask = BRAKE_BIT, 0  # 0x60FE:01 and :02
         self._elapsed = 0.0  # s since it was told otherwise
 
-    def advance(self, seconds: float) -> None:
-        """Let time go on: an output takes effect after the brake's own time."""
-        wanted = bool(self.mask & ~self.outputs & BRAKE_BIT)
-        if self.by_drive or not self.present or wanted == self.free:
+    def advance(self, seconds: float, enabled: bool) -> None:
+        """Let time go on: an order takes effect after the brake's own time.
+
+        The drive orders its own to release once its current has come, and engages it when it has seen to the axis.
+        """
+        wanted = enabled if self.by_drive else bool(self.mask & ~self.outputs & BRAKE_BIT)
+        if not self.present or wanted == self.free:
             self._elapsed = 0.0
             return
         self._elapsed += seconds
-        if self._elapsed >= (self._p.release if wanted else self._p.engage):
+        torque = TORQUE_TIME if self.by_drive else 0.0
+        if self._elapsed >= (torque + self._p.release if wanted else self._p.engage):
             self.free = wanted
 
 
