@@ -26,6 +26,7 @@ COMPLIANCE_FREQUENCIES = (8.0, 12.0, 18.0, 27.0, 40.0, 56.0, 80.0, 120.0, 180.0,
 BACKLASH_FREQUENCIES = (150.0, 800.0)  # Hz, of the drive train when the gap is closed
 SOFTEST_TRAIN = 20.0  # Hz; a drive train rings no lower when its gap is closed
 BASE_FREQUENCIES = (8.0, 11.0, 15.0, 21.0, 29.0, 40.0, 55.0)  # Hz
+BASE_RATIO = 0.05  # typical, of the moving mass over that of the base
 SAME_FREQUENCY = 0.05  # relative distance below which a base frequency of the grid is one that the logs show
 _ARCSECOND = 7.7e-7  # of a pitch of one turn
 ENCODER_ERRORS = (30.0 * _ARCSECOND, 3.0 * _ARCSECOND)  # of a pitch: once per turn, once per signal period

@@ -1,5 +1,7 @@
 """Effects of motor, screw, cable, table and base, but for factors on friction; and parameters that every model has."""
 
+import math
+
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
 from stagectl.gap.effects.stage_changes import (
@@ -89,11 +91,12 @@ def _with_load(p: Stage, v: Values, **more: float) -> Stage:
 
 def _base_vibration(s: Scales) -> Parameters | None:
     usual = grids.told_by_rows(grids.BASE_FREQUENCIES, s.dt)
-    grid = (*s.modes, *(f for f in usual if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in s.modes)))
+    seen = [mode * math.sqrt(1.0 + grids.BASE_RATIO) for mode in s.modes]  # with the axis on it, which holds it back
+    grid = (*seen, *(f for f in usual if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in seen)))
     if not grid:
         return None
     return Parameters(
-        (Amplitude("ratio", "", (0.05,), 0.0, 1.0),),
+        (Amplitude("ratio", "", (grids.BASE_RATIO,), 0.0, 1.0),),
         (
             Shape("frequency", "Hz", grid, True, 0.0, grids.highest_told(s.dt)),
             Shape("damping", "", (0.03,), True, 0.002, 1.0),

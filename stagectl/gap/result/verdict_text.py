@@ -29,14 +29,17 @@ def _none(result: DiagnosisResult) -> str:
     if likely is not None and likely.probability >= _LIKELY:
         return f"No effect is certain. {capital(candidates(likely))}: probability {likely.probability:.2f}."
     gap = headline(result)[1]
-    if not gap.floor > 0.0 and (gap.closure if np.isnan(gap.low) else gap.low) > _MOSTLY:
-        return "The model is off, but these logs do not show which of its parameters is."
-    if not gap.floor > 0.0:
-        return f"No effect of the library and no parameter error stands out in these logs. {_NO_REPEAT}"
     if gap.floor > FLOORS * gap.before:
         return "Repeats of one experiment differ by more than the model does: they are not of one machine in one state."
     if _at_floor(result, gap.before):
         return "The model agrees with the machine: these logs show no missing effect and no parameter error."
+    if (gap.closure if np.isnan(gap.low) else gap.low) > _MOSTLY:
+        return (
+            "The model is off, but these logs do not show which of its parameters is: fitted together, they close "
+            f"{percent(gap.closure)} of the gap."
+        )
+    if not gap.floor > 0.0:
+        return f"No effect of the library and no parameter error stands out in these logs. {_NO_REPEAT}"
     return "No effect of the library and no parameter explains the gap of these logs."
 
 

@@ -202,14 +202,23 @@ def parameters(now: Fitted) -> list[Direction]:
         if valued.effect.time_variation is not None:
             moving += _on_the_clock(valued, valued.effect.time_variation)
             continue
+        narrow = _narrowness(valued)
         for amplitude in valued.effect.amplitudes:
             size = max(abs(valued.values[amplitude.name]), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
-            moving.append(_replaced(now, k, amplitude.name, thresholds.AMPLITUDE_CHANGE * size))
+            moving.append(_replaced(now, k, amplitude.name, narrow * thresholds.AMPLITUDE_CHANGE * size))
         moving += [
-            _replaced(now, k, shape.name, thresholds.SHAPE_CHANGE * valued.values[shape.name])
+            _replaced(now, k, shape.name, narrow * thresholds.SHAPE_CHANGE * valued.values[shape.name])
             for shape in _refined(valued)
         ]
     return moving
+
+
+def _narrowness(valued: EffectValues) -> float:
+    """Factor on the changes by which columns are taken: a resonance must stay within its own width.
+
+    Both its frequency and the mass that takes part in it move it along the frequencies.
+    """
+    return min(valued.values["damping"] / thresholds.BROAD_DAMPING, 1.0) if valued.effect.resonant else 1.0
 
 
 def _refined(valued: EffectValues) -> list[Shape]:
