@@ -160,7 +160,7 @@ def _products(part: Array, order: int, window: Array) -> Array:
 
 def _before(part: Array, window: Array) -> Array:
     """Power (k,) of what a residual was before its window; 0 where the window does not pass it."""
-    length = 2 * max(len(part), len(window))
+    length = 2 * max(len(part), len(window), thresholds.WHITENING_ORDER)
     power = np.abs(np.fft.rfft(part, length)) ** 2
     passed = 2.0 * np.fft.rfft(window, length).real - window[0]
     inside = passed >= thresholds.WINDOW_PASSES * passed.max()
