@@ -187,7 +187,6 @@ WINDOW_PASSES = 0.5  # of the noise's power, least that a window passes below it
 # of that answer bends the delay by milliseconds; about a period of fast loops; chosen
 STEPPED_KNOTS = 0.5e-3
 STEPPED_WIDE = 2  # shortest knot distances that would hide it, at least; chosen
-ROUNDING_RUN = 12  # samples at one count: then a count is as much as rounding at each of them, q^2 = 12 q^2/12
 CORNERS, CORNERS_TRIED = (0.02, 1.5), 12  # rad per row, from and to: where noise becomes that of rounding; chosen
 CORNER_SETTLES, CORNER_SHARE = 4.0, 8.0  # over the corner: rows to settle; least number of such lengths in a capture
 WHITENING_RIDGE, WHITE_LEAVES = 1e-9, 1.1  # of the residual's power: rounding; of the rms of plain rows; chosen

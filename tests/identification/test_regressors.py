@@ -7,7 +7,7 @@ import pytest
 
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.simultaneous.friction_columns import followed, path
-from stagectl.identification.simultaneous.regressors import Part, _lightly_smoothed, stepped
+from stagectl.identification.simultaneous.regressors import Part, _lightly_smoothed, part, stepped
 from stagectl.identification.simultaneous.sensor_noise import _differences
 from stagectl.identification.simultaneous.windows import Rows, resolution
 
@@ -60,3 +60,28 @@ def test_a_model_that_strays_from_the_rows_is_not_followed() -> None:
     assert followed(p, along, wild) is along
     right = -((2.0 * np.pi * 0.7) ** 2) * along.position
     assert followed(p, along, right) is not along
+
+
+def test_rows_of_a_standing_axis_and_of_its_first_counts_are_between_the_spans() -> None:
+    """Two moves of a radian with a rest of 1 s within a count: then the friction may be any."""
+    there = np.clip(TIME - 5.0, 0.0, 1.0) - np.clip(TIME - 7.0, 0.0, 1.0)
+    swing = np.where(TIME < 5.0, np.sin(2.0 * np.pi * 0.7 * TIME), 0.0)
+    count = 1e-2
+    moving = moved(np.zeros(len(TIME)))._replace(
+        position=count * np.round((swing + 0.3 * there) / count), encoder_step=count
+    )
+    p = part(moving, 6, 0.0, 0.0)
+    seconds = TIME[p.places.samples]
+    assert p.rows == len(seconds) < p.uncut.rows
+    assert not np.any((seconds > 6.05) & (seconds < 7.05))  # at rest, and four counts of 10 mrad at 0.3 rad/s
+    assert np.any((seconds > 7.2) & (seconds < 7.9))
+    assert part(moving._replace(encoder_step=0.0), 6, 0.0, 0.0).places.spans == ()
+
+
+def test_the_rows_of_the_spans_are_those_of_all_rows() -> None:
+    rows = Rows(10, 12, 3, spans=((1, 4), (6, 11)))
+    assert rows.counts == (3, 5)
+    assert rows.samples.tolist() == [13, 16, 19, 28, 31, 34, 37, 40]
+    assert rows.head(5).samples.tolist() == rows.samples[:5].tolist() and rows.head(5).number == 8
+    assert rows.head(2).spans == ((1, 3),) and rows.head(99) == rows._replace(number=11)
+    assert rows.thinned(2).samples.tolist() == [16, 28, 34, 40]

@@ -72,3 +72,10 @@ def test_noise_in_a_column_is_no_more_than_it_has_at_any_frequency() -> None:
     motion = np.concatenate([3.0 * np.sin(0.2 * np.arange(rows)) for rows in ROWS])
     assert whitening.floor(motion, ROWS, OPEN) < 1e-4
     assert whitening.floor(motion + noise, ROWS, OPEN) == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_span_shorter_than_the_filter_looks_back_counts_too() -> None:
+    """Spans between standstills: a few rows among many."""
+    noise = np.random.default_rng(8).normal(0.0, 1.0, 2003)
+    found = whitening.of(noise, (3, 2000), OPEN)
+    assert found.rows == (3, 2000) and len(found.weights) == 1

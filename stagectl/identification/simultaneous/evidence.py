@@ -178,7 +178,7 @@ def _without_noise(p: Problem, forces: Forces, scales: Scales) -> Problem:
 
 def _alone(gram: Array, place: int) -> float:
     """Square of what no other column explains of the one at `place`."""
-    size = np.sqrt(np.diag(gram)) + 1e-300
+    size = np.sqrt(np.diag(gram)) + 1e-150
     unit = gram / np.outer(size, size) + thresholds.COLUMN_RIDGE * np.eye(len(gram))
     return float(size[place] ** 2 / np.linalg.inv(unit)[place, place])
 

@@ -100,7 +100,7 @@ class Path(NamedTuple):
 
     def head(self, rows: int) -> Path:
         """Its first `rows`."""
-        places = self.rows._replace(number=min(rows, self.rows.number))
+        places = self.rows.head(rows)
         end = places.start + (places.number - 1) * places.step + HALF * places.q + 1
         return self._replace(position=self.position[:end], velocity=self.velocity[:end], rows=places)
 
@@ -128,7 +128,7 @@ def path(p: Part, velocity: Array) -> Path:
         x = np.asarray(CubicSpline(np.arange(len(x)), x)(np.arange((len(x) - 1) * finer + 1) / finer))
     speed = np.gradient(x, dt)
     if p.q * p.capture.dt > thresholds.FINE_WINDOW:
-        speed = np.interp(np.arange(len(x)), rows.start + rows.step * np.arange(rows.number), velocity)
+        speed = np.interp(np.arange(len(x)), rows.samples, velocity)
     return Path(np.ascontiguousarray(x), np.asarray(speed, dtype=np.float64), dt, rows)
 
 

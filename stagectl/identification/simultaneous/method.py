@@ -54,13 +54,27 @@ def identify(
     used, left_out = accepted(captures, lambda capture: conditions.checked(capture, file))
     progress(1, 5)
     known = known_delay(used, file, delay)
-    rows = problem(_parts(used, known), file, known, gravity)
+    parts = _parts(used, known)
+    fitted = estimated(answered(problem(parts, file, known, gravity)))
     progress(3, 5)
-    fitted = estimated(answered(rows))
+    if any(rows.places.spans for rows in parts):
+        at_rest = [rows.uncut for rows in parts]
+        fitted = _narrower(fitted, estimated(answered(problem(at_rest, file, known, gravity))))
     progress(4, 5)
     result = _result(fitted, left_out)
     progress(5, 5)
     return result
+
+
+def _narrower(moving: Estimate, all_rows: Estimate) -> Estimate:
+    """The estimate of all rows where it is the narrower one and the rows in motion agree with it, else theirs.
+
+    Where the friction law follows a standing axis, too, both find the same, and all rows know more.  Where it does not,
+    all rows are biased, and those in motion are not (J. A. Hausman, Econometrica 46(6), 1978).
+    """
+    pairs = [(moving.parameters[name], all_rows.parameters[name]) for name in NAMES]
+    agree = all(few.low <= more.value <= few.high for few, more in pairs)
+    return all_rows if agree and all(more.half <= few.half for few, more in pairs) else moving
 
 
 def _parts(captures: list[Capture], delay: DelayPrior) -> list[Part]:
@@ -149,7 +163,7 @@ def _curves(p: Estimate, force: Array) -> dict[str, list[float]]:
     """Columns of the first capture that the figures draw: at most `DRAWN_ROWS` rows."""
     first, columns = p.problem.parts[0], p.problem.columns
     rows = slice(0, min(first.rows, thresholds.DRAWN_ROWS))
-    index = first.places.start + first.places.step * np.arange(first.rows)[rows]
+    index = first.places.samples[rows]
     curves = {
         "time": first.capture.time[index],
         "position": first.capture.position[index],

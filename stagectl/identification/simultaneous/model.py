@@ -178,7 +178,7 @@ def problem(parts: list[Part], file: StageFile, delay: DelayPrior, gravity: bool
             ),
         ]
     )
-    noise = noise._replace(rows=tuple(p.rows for p in parts))
+    noise = noise._replace(rows=_spans(parts))
     return Problem(parts, shapes, matrix, ranked, noise, matrix, matrix, known, file, delay, gravity).whitened(noise)
 
 
@@ -190,9 +190,14 @@ def _rough(seen: Motion, before: Beliefs, file: StageFile, delay: DelayPrior) ->
     rough, first = (thresholds.ROUGH_NOISE * before.coulomb) ** 2, seen.parts[0]
     row, count = first.places.step * first.capture.dt, file.mechanics.inertia * resolution(first.capture)
     power = rough * row / (2.0 * thresholds.WINDOW_BAND) / (count**2 / 12.0 * first.capture.dt)
-    noise = whitening.with_corner([p.rows for p in seen.parts], power**0.25 * row)
+    noise = whitening.with_corner(_spans(seen.parts), power**0.25 * row)
     scatter = math.sqrt(rough + _rounding(seen.parts, noise, file))
     return _setting(seen, before, file, delay, noise)._replace(sensed=rough, noise=scatter)
+
+
+def _spans(parts: list[Part]) -> tuple[int, ...]:
+    """Rows that follow each other, of all parts."""
+    return tuple(count for p in parts for count in p.places.counts)
 
 
 def _sensed(white: refinement.Setting, parts: list[Part], noise: Whitening, file: StageFile) -> float:
@@ -234,8 +239,8 @@ def _setting(
     """What the laws are refined on: the first rows of every capture, whitened as this `noise`; nothing bends yet."""
     rows = thresholds.LAW_STEPPED_ROWS if any(stepped(p) for p in seen.parts) else thresholds.LAW_ROWS
     most = max(1, rows // len(seen.parts))
-    heads = [p._replace(places=p.places._replace(number=min(most, p.rows))) for p in seen.parts]
-    white = whitening.none([p.rows for p in heads])
+    heads = [p._replace(places=p.places.head(most)) for p in seen.parts]
+    white = whitening.none(_spans(heads))
     white = white if noise is None else noise._replace(rows=white.rows)
     free, force = white(np.vstack([one[:most, : BEND.start] for one in seen.free])), _forces(heads, file, delay)
     ripple = _ripples(heads, file, thresholds.FRICTION_SCALES[0][-1], seen.gravity)

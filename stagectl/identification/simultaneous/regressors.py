@@ -9,10 +9,14 @@ the start is not known.  It is forgotten once the axis has moved by twice the el
 rows before that are left out.
 """
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
@@ -50,7 +54,12 @@ class Part(NamedTuple):
     @property
     def rows(self) -> int:
         """Number of rows."""
-        return self.places.number
+        return sum(self.places.counts)
+
+    @property
+    def uncut(self) -> Part:
+        """The same rows with those between their spans."""
+        return self._replace(places=self.places._replace(spans=()))
 
 
 def part(capture: Capture, wide: int, longest: float, delay: float) -> Part:
@@ -60,7 +69,33 @@ def part(capture: Capture, wide: int, longest: float, delay: float) -> Part:
     moved = np.maximum.accumulate(capture.position) - np.minimum.accumulate(capture.position)
     known = int(np.searchsorted(moved, 2.0 * longest))
     start = max(room, known + HALF * q)
-    return Part(capture, Rows(start, max(0, (len(capture.position) - room - start - 1) // q + 1), q), wide)
+    whole = Part(capture, Rows(start, max(0, (len(capture.position) - room - start - 1) // q + 1), q), wide)
+    return whole._replace(places=whole.places._replace(spans=_moving(whole)))
+
+
+def _moving(p: Part) -> tuple[tuple[int, int], ...]:
+    """Spans of the rows between standstills; empty: all of them.
+
+    While the encoder shows a count, or two by turns, a friction law that follows the measured path stands still, and
+    the true friction does not: within a count it may go from one side to the other.  A reversal is as short as the
+    rms acceleration makes it; longer, and than the window resolves, the axis stands.
+    """
+    x, step = p.capture.position, p.capture.encoder_step
+    long = max(math.ceil(math.sqrt(8.0) * step_time(p) / p.capture.dt), 2 * p.wide)
+    spread = maximum_filter1d(x, long) - minimum_filter1d(x, long)
+    still = maximum_filter1d((spread < 1.5 * step).astype(np.int8), long) > 0
+    last = _last(still)
+    gone = _last(np.abs(x - x[last]) >= thresholds.SLIP_STEPS * step)
+    unknown = still | (last > gone)
+    edges = np.flatnonzero(np.diff(unknown[p.places.samples], prepend=True, append=True)).tolist()
+    pairs = zip(edges[::2], edges[1::2], strict=True)
+    spans = tuple((first, end) for first, end in pairs if end - first >= thresholds.WHITENING_ROWS)
+    return () if spans == ((0, p.places.number),) else spans
+
+
+def _last(events: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Number (n,) of the last sample with the event, or before the first one -1."""
+    return np.asarray(np.maximum.accumulate(np.where(events, np.arange(len(events)), -1)))
 
 
 def calm(p: Part) -> Part:
@@ -76,7 +111,7 @@ def thinned(parts: list[Part], most: int) -> list[Part]:
     """Every second, fourth or eighth row where there are more than `most` of all parts together."""
     total = sum(p.rows for p in parts)
     stride = next((step for step in (1, 2, 4) if total <= step * most), 8)
-    return [p._replace(places=p.places._replace(number=(p.rows + stride - 1) // stride, stride=stride)) for p in parts]
+    return [p._replace(places=p.places.thinned(stride)) for p in parts]
 
 
 def motion(p: Part) -> Array:

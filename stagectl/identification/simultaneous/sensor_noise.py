@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous.regressors import Part, coarse, stepped
+from stagectl.identification.simultaneous.regressors import Part, coarse
 from stagectl.identification.simultaneous.windows import resolution, window
 
 
@@ -42,17 +41,8 @@ def rounding_noise(parts: list[Part], whitening: Array) -> float:
     much.  Source: B. Widrow, I. Kollar, Quantization Noise, Cambridge University Press 2008.
     """
     rounded = [p for p in parts if coarse(p)]
-    total = sum(p.rows * _passed(p, whitening, 2) * resolution(p.capture) ** 2 / 12.0 * _moving(p) for p in rounded)
+    total = sum(p.rows * _passed(p, whitening, 2) * resolution(p.capture) ** 2 / 12.0 for p in rounded)
     return total / sum(p.rows for p in parts)
-
-
-def _moving(p: Part) -> float:
-    """Share of the samples of a stepped part on which rounding is noise: an axis at rest stays at one count."""
-    if not stepped(p):
-        return 1.0
-    edges = np.flatnonzero(np.diff(p.capture.position))
-    runs = np.diff(np.concatenate([[-1], edges, [len(p.capture.position) - 1]]))
-    return float(np.minimum(runs, thresholds.ROUNDING_RUN).sum()) / len(p.capture.position)
 
 
 def _passed(p: Part, whitening: Array, order: int = 0) -> float:

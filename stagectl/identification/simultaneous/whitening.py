@@ -35,7 +35,7 @@ CUBIC = np.convolve([1.0, 2.0 - math.sqrt(3.0)], [1.0, 2.0 - math.sqrt(3.0)])  #
 
 
 class Whitening(NamedTuple):
-    """A filter of prediction errors, and the rows of each capture, which are filtered apart."""
+    """A filter of prediction errors, and the rows of each span, which are filtered apart."""
 
     weights: Array  # (p + 1,), the first is 1
     rows: tuple[int, ...]
@@ -52,14 +52,14 @@ class Whitening(NamedTuple):
 
     @property
     def lost(self) -> int:
-        """Rows at the start of a capture on which the filter has not settled."""
+        """Rows at the start of a span on which the filter has not settled."""
         settling = 0 if math.isinf(self.corner) else math.ceil(thresholds.CORNER_SETTLES / self.corner)
         return len(self.weights) - 1 + settling
 
     @property
     def kept(self) -> tuple[int, ...]:
-        """Rows of each capture that are left."""
-        return tuple(rows - self.lost for rows in self.rows)
+        """Rows that are left of each span that is long enough."""
+        return tuple(rows - self.lost for rows in self.rows if rows > self.lost)
 
     @property
     def response(self) -> Array:
@@ -67,7 +67,7 @@ class Whitening(NamedTuple):
         return np.asarray(signal.lfilter(self.weights, self.poles, np.eye(1, self.lost + 1)[0]))
 
     def __call__(self, rows: Array) -> Array:
-        """The filtered `rows` (n, ...), without the first p of each capture: (m, ...)."""
+        """The filtered `rows` (n, ...), without the first p of each span: (m, ...)."""
         if self.lost == 0:
             return rows
         parts = np.split(rows, np.cumsum(self.rows)[:-1])
@@ -80,14 +80,14 @@ def none(rows: Sequence[int]) -> Whitening:
 
 
 def with_corner(rows: Sequence[int], corner: float) -> Whitening:
-    """The filter with this corner (rad per row), or the nearest that captures with so many `rows` allow."""
+    """The filter with this corner (rad per row), or the nearest that spans of so many `rows` allow."""
     return none(rows)._replace(corner=float(np.clip(corner, *_corners(rows))))
 
 
 def _corners(rows: Sequence[int]) -> tuple[float, float]:
-    """Least and largest corner (rad per row) that are tried: the filter must settle in a share of a capture."""
+    """Least and largest corner (rad per row) that are tried: the filters settle in a share of all rows."""
     low, high = thresholds.CORNERS
-    return min(max(low, thresholds.CORNER_SETTLES * thresholds.CORNER_SHARE / min(rows)), high), high
+    return min(max(low, thresholds.CORNER_SETTLES * thresholds.CORNER_SHARE / float(np.mean(rows))), high), high
 
 
 def of_rounding(residual: Array, rows: Sequence[int], window: Array) -> Whitening:
@@ -112,13 +112,13 @@ def _unevenness(residual: Array, rows: Sequence[int], window: Array) -> float:
 
 
 def of(residual: Array, rows: Sequence[int], window: Array) -> Whitening:
-    """The filter that whitens the noise of a `residual` (n,) of captures with so many `rows` each.
+    """The filter that whitens the noise of a `residual` (n,) of spans with so many `rows` each.
 
     `window` (k,) is the autocorrelation, from lag 0 on, of the window that all rows have passed.  It stays: beyond its
     cut-off the rows do not hold the equation of motion, so the noise is that of the residual before the window.
     """
     parts = np.split(residual, np.cumsum(rows)[:-1])
-    most = int(min(thresholds.WHITENING_ORDER, min(rows) // thresholds.WHITENING_ROWS))
+    most = min(thresholds.WHITENING_ORDER, int(np.mean(rows)) // thresholds.WHITENING_ROWS)
     products = np.sum([_products(part, most, window) for part in parts], axis=0)
     products[0] *= 1.0 + thresholds.WHITENING_RIDGE
     if products[0] <= 0.0:
@@ -160,7 +160,7 @@ def _products(part: Array, order: int, window: Array) -> Array:
 
 def _before(part: Array, window: Array) -> Array:
     """Power (k,) of what a residual was before its window; 0 where the window does not pass it."""
-    length = 2 * max(len(part), len(window))
+    length = 2 * max(len(part), len(window), thresholds.WHITENING_ORDER)
     power = np.abs(np.fft.rfft(part, length)) ** 2
     passed = 2.0 * np.fft.rfft(window, length).real - window[0]
     inside = passed >= thresholds.WINDOW_PASSES * passed.max()

@@ -14,10 +14,13 @@ Source: modulating functions, M. Shinbrot, Trans. ASME 79, 1957; the paper's zer
 Identification ..., section IV.B).
 """
 
+from __future__ import annotations
+
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import interpolate, signal
 
 from stagectl.identification import thresholds
@@ -42,17 +45,44 @@ def margin(q: int, dt: float, delay: float) -> int:
 
 
 class Rows(NamedTuple):
-    """Samples at which a filtered signal is kept: start, start + stride q, ..."""
+    """Samples at which a filtered signal is kept: of start, start + stride q, ... those of the spans."""
 
     start: int
-    number: int
+    number: int  # with those between the spans
     q: int  # samples per knot distance
     stride: int = 1  # knot distances per row: 1, 2, 4 or 8
+    spans: tuple[tuple[int, int], ...] = ()  # first row and end of each; empty: one of all rows
 
     @property
     def step(self) -> int:
         """Samples per row."""
         return self.q * self.stride
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Rows of each span."""
+        return tuple(end - first for first, end in self.spans or ((0, self.number),))
+
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        """Sample (count,) of each row that is kept."""
+        return self.kept(self.start + self.step * np.arange(self.number))
+
+    def kept(self, full: NDArray[Any]) -> NDArray[Any]:
+        """The rows (..., count) of the spans, of all (..., number)."""
+        return np.concatenate([full[..., first:end] for first, end in self.spans], axis=-1) if self.spans else full
+
+    def thinned(self, stride: int) -> Rows:
+        """Every row of so many."""
+        spans = tuple((-(-first // stride), -(-end // stride)) for first, end in self.spans)
+        return self._replace(number=-(-self.number // stride), stride=stride, spans=spans)
+
+    def head(self, most: int) -> Rows:
+        """The first so many of the rows that are kept."""
+        ends = np.cumsum([0, *self.counts]).tolist()
+        pairs = zip(self.spans, ends, strict=False)
+        spans = tuple((first, min(end, first + most - before)) for (first, end), before in pairs if before < most)
+        return self._replace(number=spans[-1][1] if spans else min(most, self.number), spans=spans)
 
 
 def smoothed(x: Array, weights: Array, rows: Rows) -> Array:
@@ -61,7 +91,7 @@ def smoothed(x: Array, weights: Array, rows: Rows) -> Array:
     part = x[..., rows.start - half : rows.start + (rows.number - 1) * rows.step + half + 1]
     full = signal.upfirdn(weights, part, up=1, down=rows.step, axis=-1)
     first = 2 * half // rows.step
-    return np.asarray(full[..., first : first + rows.number], dtype=np.float64)
+    return np.asarray(rows.kept(full[..., first : first + rows.number]), dtype=np.float64)
 
 
 def delayed(x: Array, delay: float, dt: float, rows: Rows, order: int = 0) -> Array:
