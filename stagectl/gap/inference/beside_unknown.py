@@ -2,12 +2,13 @@
 
 Where something is missing that no effect explains, the library does not hold all of the truth, and the effect that is
 most like what is missing explains much of it.  Two causes over one coordinate are there as often as any second effect;
-one cause, of which a stand-in leaves no more than the share that is seen, is there as often as that share is small.
-What an effect leaves over its own coordinate counts against it in the same way where it is too little for an unknown:
-if a function orders it, and no friction law does, the form of the effect is not that of the machine.  A wave stands by
-its line, whatever harmonics are left next to it.
+one cause, of which a stand-in leaves no more than the share that is seen, is there as often as that share is small; and
+an effect whose form on this machine is not quite that of the library leaves a share that is exponentially distributed.
+What an effect leaves over its own coordinate counts in the same way where it is too little for an unknown, if a
+function orders it and no friction law does.  A wave stands by its line, whatever harmonics are left next to it.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.inference import verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
+from stagectl.gap.inference.thresholds import FORM_LEFT
 from stagectl.gap.inference.unknown import Residual, error_of_form, kindred, unknown
 from stagectl.gap.inference.unstructured_residual import BANDS
 from stagectl.gap.result.diagnosis import NAMED, UnknownTerm
@@ -50,16 +52,16 @@ def beside_unknown(e: Evidence, library: Library, selected: Selection, smooth: B
     probability = dict(selected.probability)
     by_form = (valued for valued in named.fitted.effects if shape is not None or valued.effect.name not in WAVES)
     for valued in (valued for valued in by_form if of_kin(valued.effect.name, left)):
-        both = two_causes(e, library, named.fitted, valued, left)
-        probability[valued.effect.name] = min(probability[valued.effect.name], both)
+        there = there_beside(e, library, named.fitted, valued, left)
+        probability[valued.effect.name] = min(probability[valued.effect.name], there)
     less = selected._replace(probability=probability)
     if all(probability[valued.effect.name] >= NAMED for valued in named.fitted.effects):
         return BesideUnknown(less, named, shape)
     return beside_unknown(e, library, less, smooth)
 
 
-def two_causes(e: Evidence, library: Library, now: Fitted, valued: EffectValues, shape: UnknownTerm) -> float:
-    """Probability that an effect of `now` and the unknown `shape` have two causes.
+def there_beside(e: Evidence, library: Library, now: Fitted, valued: EffectValues, shape: UnknownTerm) -> float:
+    """Probability that an effect of `now` is there beside the unknown `shape`.
 
     What a function of the coordinate does not take in the place of the effect is an effect of its own.
     """
@@ -67,13 +69,17 @@ def two_causes(e: Evidence, library: Library, now: Fitted, valued: EffectValues,
     left = linearised.excess(e, library, now)[cut]
     explained = linearised.excess(e, library, rest)[cut] - left
     taken = library.predict(e, rest).cuts[cut] - library.predict(e, now).cuts[cut]
-    return 1.0 - float(np.clip(taken / max(explained, 1e-300), 0.0, 1.0)) * (1.0 - apart(explained, left))
+    return 1.0 - float(np.clip(taken / max(explained, 1e-300), 0.0, 1.0)) * (1.0 - stands(explained, left))
 
 
-def apart(explained: float, left: float) -> float:
-    """Probability that what an effect has `explained` and what is `left` (sums of squares) have two causes."""
+def stands(explained: float, left: float) -> float:
+    """Probability that an effect which has `explained` so much is there, beside what is `left` (sums of squares)."""
     explained, left = max(explained, 0.0), max(left, 0.0)
-    return INCLUSION / (INCLUSION + left / (left + explained)) if left > 0.0 else 1.0
+    if left == 0.0:
+        return 1.0
+    share = left / (left + explained)
+    there = INCLUSION + math.exp(-share / FORM_LEFT)
+    return there / (there + share)
 
 
 def of_kin(name: str, shape: UnknownTerm) -> bool:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.effects.library import label
-from stagectl.gap.inference.beside_unknown import apart
+from stagectl.gap.inference.beside_unknown import stands
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.logs.session import Log, Session
 from stagectl.gap.result.diagnosis import NAMED, FoundEffect
@@ -57,7 +57,7 @@ def confirmed(effect: FoundEffect, found: Closure) -> FoundEffect:
     """`effect` as the loop confirms it: one that takes nothing of a gap that stays open is not what is missing."""
     if not found.open or effect.share > 0.0:
         return effect
-    return effect._replace(probability=min(effect.probability, apart(0.0, 1.0)))
+    return effect._replace(probability=min(effect.probability, stands(0.0, 1.0)))
 
 
 def refuted_words(name: str) -> str:

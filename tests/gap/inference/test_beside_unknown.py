@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from stagectl.gap.inference import beside_unknown, verdict
-from stagectl.gap.inference.beside_unknown import apart, of_kin
+from stagectl.gap.inference.beside_unknown import of_kin, stands
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import linearised
 from stagectl.gap.selection.constants import INCLUSION
@@ -23,10 +24,12 @@ def shape(coordinate: str, block: str = "mechanics") -> UnknownTerm:
     return UnknownTerm(coordinate, FIELDLESS, FIELDLESS, 0.5, block=block)
 
 
-def test_two_causes_are_as_probable_as_an_effect_against_the_share_that_it_leaves() -> None:
-    assert apart(0.0, 1.0) == pytest.approx(INCLUSION / (1.0 + INCLUSION))
-    assert apart(1.0 - INCLUSION, INCLUSION) == pytest.approx(0.5)
-    assert apart(5.0, 0.0) == apart(5.0, -1.0) == 1.0
+def test_an_effect_stands_beside_an_unknown_against_the_share_that_it_leaves() -> None:
+    """One of another form leaves a tenth on the average; a stand-in for an unlisted cause leaves any share."""
+    assert stands(0.0, 1.0) == pytest.approx(INCLUSION / (1.0 + INCLUSION), rel=0.01)
+    assert stands(0.9, 0.1) == pytest.approx((INCLUSION + math.exp(-1.0)) / (INCLUSION + math.exp(-1.0) + 0.1))
+    assert stands(0.95, 0.05) > 0.9 and stands(0.7, 0.3) < 0.25
+    assert stands(5.0, 0.0) == stands(5.0, -1.0) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -50,9 +53,9 @@ def test_an_effect_is_like_an_unknown_over_a_coordinate_of_its_own(name: str, un
     ("predicted", "probability"),
     [
         (300.0, 1.0),  # without the cogging, a function of the position predicts no more: it is a wave of its own
-        (350.0, 0.5 + 0.5 * apart(100.0, 300.0)),
-        (400.0, apart(100.0, 300.0)),
-        (900.0, apart(100.0, 300.0)),
+        (350.0, 0.5 + 0.5 * stands(100.0, 300.0)),
+        (400.0, stands(100.0, 300.0)),
+        (900.0, stands(100.0, 300.0)),
     ],
 )
 def test_an_effect_is_one_of_two_causes_as_far_as_no_function_takes_its_place(
@@ -65,7 +68,7 @@ def test_an_effect_is_one_of_two_causes_as_far_as_no_function_takes_its_place(
         predict=lambda _, now: SimpleNamespace(cuts=({"now": 300.0, "rest": predicted}[now], 0.0))
     )
     now: Any = "now"
-    found = beside_unknown.two_causes(NOTHING, library, now, NOTHING, shape("position"))
+    found = beside_unknown.there_beside(NOTHING, library, now, NOTHING, shape("position"))
     assert found == pytest.approx(probability)
 
 
@@ -90,7 +93,7 @@ def named_beside(
     monkeypatch.setattr(verdict, "only_named", only)
     monkeypatch.setattr(beside_unknown, "unknown", found)
     monkeypatch.setattr(beside_unknown, "error_of_form", lambda *_: misfit)
-    monkeypatch.setattr(beside_unknown, "two_causes", lambda *_: 0.1)
+    monkeypatch.setattr(beside_unknown, "there_beside", lambda *_: 0.1)
     effects = [SimpleNamespace(effect=SimpleNamespace(name=name)) for name in (wave, "coulomb_asymmetry")]
     gains = {wave: 100.0, "coulomb_asymmetry": 1000.0}
     selected = Selection(
