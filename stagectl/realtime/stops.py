@@ -96,7 +96,7 @@ STOPS: dict[Fault, Stop] = {
 _UNPOWERED = {
     Fault.DRIVE_FAULT: "the drive is not ready; the axis had no power",  # in Fault, or it takes none: it says why
     Fault.FOLLOWING_ERROR: "the axis left its place as its brake was released, and its power was cut; the current that"
-    " carries it is brake.holding_current, or that of the model's load there",
+    " carries it is brake.holding_current, or that of the model's load there (without a home: of mechanics.bias)",
 }
 
 
