@@ -100,6 +100,7 @@ _UNPOWERED = {
 }
 
 
-def without_power(fault: Fault) -> str:
-    """A fault of an axis that had no power, in words: nothing was stopped."""
-    return _UNPOWERED.get(fault, f"{STOPS[fault].words}; the axis had no power")
+def without_power(fault: Fault, coming: bool = False) -> str:
+    """A fault of an axis that had no power, in words: nothing was stopped; where power was `coming` it may be there."""
+    power = "may have power, which only its drive can cut" if coming and fault is Fault.BUS else "had no power"
+    return _UNPOWERED.get(fault, f"{STOPS[fault].words}; the axis {power}")

@@ -18,6 +18,7 @@ from stagectl.drives.limits import BRAKE_PATIENCE
 from stagectl.kernels.effects import Harmonic
 from stagectl.kernels.plant import Cable
 from stagectl.realtime.states import Event, State
+from stagectl.realtime.stops import without_power
 from stagectl.selftest.rig import usual
 from tests.single_motion import SingleMotion
 
@@ -145,6 +146,21 @@ def test_without_a_home_the_place_of_a_weight_is_not_known(ball_screw: Setup) ->
     bench.axis.homed = False
     bench.run(lambda: bench.axis.state is not State.ENABLING)
     assert bench.axis.holding == 0.0
+
+
+@pytest.mark.parametrize("control", ["drive", "output"])
+def test_a_bus_that_fails_as_power_comes_leaves_the_axis_where_it_is(ball_screw: Setup, control: str) -> None:
+    """With a brake of ours its drive holds it under power, which nobody can cut: that it has none is not claimed."""
+    setup = hanging(ball_screw.having(brake=Brake(cast(Any, control), 0.03, ENGAGE)))
+    bench = Bench(setup.with_wire(start_up=(StartUp(0x605A00, 6),)) if control == "output" else setup, False)
+    bench.run(lambda: bench.rig.node.axis.brake.free)
+    assert bench.axis.state is State.ENABLING
+    bench.rig.cut_off()
+    bench.run(lambda: bench.axis.state is State.FAULT)
+    bench.rig.time.sleep(2.0)
+    assert abs(bench.rig.seen.position) < setup.stage.encoder.step
+    assert bench.rig.seen.powered == (control == "output")
+    assert without_power(Fault.BUS) not in bench.axis.board.words
 
 
 def test_a_single_motion_that_needs_no_home_does_not_know_the_place_either(ball_screw: Setup) -> None:
