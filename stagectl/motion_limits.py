@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stagectl.config.machine_file import composed
 from stagectl.config.source import node_at
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import rollout, stage
+from stagectl.kernels import equilibrium, rollout, stage
 from stagectl.kernels.feedforward import Foreseen
 from stagectl.kernels.jit import table
 from stagectl.kernels.law import SETPOINT_COLUMNS
@@ -87,7 +87,7 @@ def _slower(setup: Setup, speed: float) -> str:
     """What the current gives at this speed (rad/s | m/s): what to change."""
     p, axis = setup.stage, setup.file.axis
     scale, unit, viscous = axis.travel_per_unit, axis.travel_unit, p.mechanics.viscous
-    left = p.drive.current_limit * p.motor.force_constant - stage.sliding(p.friction) - abs(p.mechanics.bias)
+    left = p.drive.current_limit * p.motor.force_constant - stage.sliding(p.friction) - equilibrium.weight(p.mechanics)
     most = (left - viscous * speed) / p.mechanics.inertia
     if most > 0.0:
         return f"take an acceleration of at most {most * scale:.2g} {unit}/s^2"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
-from stagectl.drives.homing import NO_HOMING
 from stagectl.kernels import rollout
 from stagectl.plan import plan
 from stagectl.realtime.axis import Axis
@@ -31,7 +30,7 @@ class SingleMotion:
         rows = plan(setup, motion, controller.feedforward).setpoints
         board, ring = Board.create(len(rows)), Ring.create(rollout.WIDTH, 1 << 10)
         job = job_from_stage.orders(setup.file.name, setup, controller.law, False, ring, board)
-        job = job._replace(by_clock=True, homing=NO_HOMING, wire=wire, envelope=envelope(setup))
+        job = job_from_stage.relative(job)._replace(by_clock=True, wire=wire, envelope=envelope(setup))
         self.rig = Rig(setup)
         self.loop = RigLoop(self.rig, job, single=True)
         self.loop.connect()

@@ -13,6 +13,7 @@ import pytest
 
 from stagectl.config.stage_file import Setup, load_stage, on_channel
 from stagectl.drives.drive import DriveError
+from stagectl.kernels.effects import Harmonic
 from stagectl.motion_limits import LimitError
 from stagectl.units import StageError
 from stagectl.workflows.acceptance import protocol, result
@@ -193,12 +194,15 @@ def test_a_test_current_above_the_limit_is_refused(ball_screw: Setup) -> None:
     assert (caught.value.needed, caught.value.allowed) == (200.0, 15.0)
 
 
-def test_an_axis_that_falls_is_not_tried_in_open_loop(ball_screw: Setup, tmp_path: Path) -> None:
-    mechanics = ball_screw.stage.mechanics._replace(bias=1.5)
+@pytest.mark.parametrize(("place", "load", "value"), [("bias", 1.5, 1.5), ("gravity", Harmonic(1.2, 1.0, 0.5), 1.2)])
+def test_an_axis_that_falls_is_not_tried_in_open_loop(
+    ball_screw: Setup, tmp_path: Path, place: str, load: Any, value: float
+) -> None:
+    mechanics = ball_screw.stage.mechanics._replace(**{place: load})
     falling = ball_screw._replace(stage=ball_screw.stage._replace(mechanics=mechanics))
     with pytest.raises(DriveError) as caught:
         accepted(on_channel(falling, str(tmp_path / "bus")))
-    assert (caught.value.place, caught.value.value) == ("mechanics.bias", 1.5)
+    assert (caught.value.place, caught.value.value) == (f"mechanics.{place}", value)
 
 
 def _acceptance(*steps: Outcome) -> Acceptance:

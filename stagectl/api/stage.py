@@ -22,6 +22,7 @@ from stagectl.config.source import ConfigError
 from stagectl.config.stage_checks import doubtful
 from stagectl.extras import require
 from stagectl.problem import Problem, ProblemKind
+from stagectl.realtime.envelope import unwatched
 from stagectl.replacing import left_as_it_is
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ class DesignedStage(PrintedResult):
             f"layers: {layers}; phase margin {math.degrees(self.margins.phase):.1f} deg"
         )
         tables = design(self.setup, self.loop)
-        notes = [*sheet.notes(self.loop), *filter(None, [doubtful(file)])]
+        notes = [*sheet.notes(self.loop), *filter(None, [doubtful(file), unwatched(self.setup)])]
         return Sheet(f"{file.name}, {self.path}{changed}", answer, tables, notes)
 
     def to_frame(self) -> Any:

@@ -116,6 +116,7 @@ def _stage(path: Path) -> tuple[str, list[str]]:
     from stagectl.config.stage_checks import doubtful
     from stagectl.config.stage_file import load_stage
     from stagectl.config.wire_checks import untried
+    from stagectl.realtime.envelope import unwatched
 
     setup = load_stage(path)
     control = setup.file.control
@@ -129,7 +130,7 @@ def _stage(path: Path) -> tuple[str, list[str]]:
         f"crossover {reached.crossover:.1f} Hz{watched} "
         f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples}); {_protects(setup.file)}"
     )
-    warnings = setup.unrest, doubtful(setup.file), untried(setup.file)
+    warnings = setup.unrest, doubtful(setup.file), unwatched(setup), untried(setup.file)
     return words, [*filter(None, warnings)]
 
 

@@ -14,6 +14,7 @@ from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
 from stagectl.drives.drive import Canopen
 from stagectl.kernels.effects import TURN
+from stagectl.kernels.equilibrium import weight
 from stagectl.kernels.stage import Stage, sliding
 from stagectl.number_format import duration, length
 from stagectl.problem import Problem, ProblemKind
@@ -110,6 +111,10 @@ def _drive(file: StageFile) -> Iterator[Problem]:
     if drive.telemetry.late > period:
         reason, late = "longer than control.period", duration(drive.telemetry.late)
         yield Problem(reason, _CONFLICT, "drive.telemetry.late", late, "s", f"[0, {period:g}]")
+    if 1.0 + drive.gain - abs(drive.gain_asymmetry) <= 0.0:
+        reason = f"with drive.gain = {drive.gain:g} commands of one sign would give no current, or one against them"
+        most = f"({-1.0 - drive.gain:g}, {1.0 + drive.gain:g})"
+        yield Problem(reason, _CONFLICT, "drive.gain_asymmetry", f"{drive.gain_asymmetry:g}", "", most)
     yield from _continuous(file)
     yield from _held(file)
 
@@ -223,8 +228,8 @@ def doubtful(file: StageFile) -> str:
 
 def decelerations(file: StageFile) -> dict[str, float]:
     """What each of the entries that brake the axis allows (rad/s^2 | m/s^2); the least of them decides."""
-    stated, bias = file.limits.deceleration, abs(file.mechanics.bias)
-    effort = max(file.drive.current_limit * file.motor.force_constant - bias, 0.0)
+    stated, pull = file.limits.deceleration, weight(file.mechanics)
+    effort = max(file.drive.current_limit * file.motor.force_constant - pull, 0.0)
     ramp = "drive.wire.quick_stop_deceleration" if isinstance(file.drive.wire, Canopen) else "limits.acceleration"
     return {
         **({} if stated is None else {"limits.deceleration": stated}),

@@ -21,7 +21,7 @@ from stagectl.config.stage_checks import conflicts
 from stagectl.config.time_outs import with_time_outs
 from stagectl.config.wire_checks import eds_path
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.kernels import effects, jit, stage
+from stagectl.kernels import effects, equilibrium, jit, stage
 from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
 
@@ -58,6 +58,11 @@ class Setup(_Stage):
     def with_wire(self, **entries: Any) -> Setup:
         """The same with other entries of its wire."""
         return self._replace(file=self.file.with_wire(**entries))
+
+    @property
+    def load(self) -> float:
+        """The most that acts on the axis at rest within its travel, without friction (N m | N)."""
+        return equilibrium.load(self.stage.mechanics, self.stage.motor, self.file.limits.travel)
 
     @property
     def layers(self) -> tuple[str, ...]:

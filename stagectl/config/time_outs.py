@@ -12,6 +12,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.drives import limits
 from stagectl.drives.drive import Canopen
 from stagectl.drives.run_on import AxisLimits, RunOn
+from stagectl.kernels.equilibrium import weight
 from stagectl.kernels.stage import sliding
 from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
@@ -23,10 +24,10 @@ _ROUNDING = 1e-9
 def axis_limits(file: StageFile, waits_for_sync: bool = False) -> AxisLimits:
     """What a drive's own limits must agree with; friction helps no stop but that of a coasting axis."""
     axis, inertia = file.axis, file.mechanics.inertia
-    effort, bias = file.drive.current_limit * file.motor.force_constant, abs(file.mechanics.bias)
-    acceleration = (effort + bias) / inertia
-    brakes = min(file.own_ramp, max(effort - bias, 0.0) / inertia)
-    coasts = max(sliding(friction_of(file.friction)) - bias, 0.0) / inertia
+    effort, pull = file.drive.current_limit * file.motor.force_constant, weight(file.mechanics)
+    acceleration = (effort + pull) / inertia
+    brakes = min(file.own_ramp, max(effort - pull, 0.0) / inertia)
+    coasts = max(sliding(friction_of(file.friction)) - pull, 0.0) / inertia
     speed = file.limits.speed
     stops = RunOn(speed, acceleration, brakes), RunOn(speed, acceleration, coasts)
     table = axis.travel_per_unit, axis.travel_unit

@@ -20,7 +20,7 @@ from stagectl.kernels import (
 )
 from stagectl.kernels.constants import LOAD_STEPS, READING_STEPS
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Friction, Line, Memory, Stage, State
+from stagectl.kernels.plant import Friction, Line, Mechanics, Memory, Motor, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 _NEVER: Line = (-math.inf,) * 8  # no command has begun
@@ -81,6 +81,18 @@ def in_motion(p: Stage, x: State, velocity: float, current: float, dt: float) ->
     memory = x.memory._replace(load=x.memory.load + position - x.position, load_velocity=velocity, before=current)
     force = side * sum(p.friction.operators.weight) + p.friction.bristle.stiffness * bristle
     return State(commands, (a, b, c, d, e, f, g, h), current, position, velocity, force, x.stops, bristle, memory)
+
+
+def weight(p: Mechanics) -> float:
+    """The most that pulls an axis the same way over half a turn and more (N m | N): bias, and what turns with it."""
+    return abs(p.bias) + abs(p.gravity.amplitude)
+
+
+def load(p: Mechanics, motor: Motor, travel: tuple[float, float]) -> float:
+    """The most that acts on an axis at rest within its `travel` (rad | m), without friction (N m | N)."""
+    waves, cable = (motor.cogging, motor.cogging_second, motor.cogging_third, motor.cogging_fourth), p.cable
+    stretched = max(abs(place - cable.centre) for place in travel)
+    return weight(p) + sum(abs(wave.amplitude) for wave in waves) + cable.stiffness * stretched + cable.hysteresis
 
 
 def read(p: Stage, measured: float) -> float:

@@ -96,15 +96,6 @@ def sliding(p: Friction) -> float:
     return float(sum(p.operators.weight)) + p.bristle.coulomb
 
 
-def load(p: Stage, travel: tuple[float, float]) -> float:
-    """The most that acts on an axis at rest within its `travel` (rad | m), without friction (N m | N)."""
-    mechanics, motor, cable = p.mechanics, p.motor, p.mechanics.cable
-    waves = mechanics.gravity, motor.cogging, motor.cogging_second, motor.cogging_third, motor.cogging_fourth
-    stretched = max(abs(place - cable.centre) for place in travel)
-    pulled = cable.stiffness * stretched + cable.hysteresis if cable.stiffness or cable.hysteresis else 0.0
-    return abs(mechanics.bias) + sum(abs(wave.amplitude) for wave in waves) + pulled
-
-
 def scaled_friction(p: Friction, factor: float) -> Friction:
     """All friction but the viscous part times `factor`."""
     operators = friction.bundle((float(weight) * factor for weight in p.operators.weight), p.operators.slip)

@@ -237,7 +237,7 @@ class Axis(AxisData):
         self.reason = self.drive.explain() if self.drive is not None and told else row.causes
         self.reason = f"{self.judged}{self.reason}"
         under_power = self.powered and self.state is not _ENABLING
-        head = f"{row.words}; {row.category.words}" if under_power else without_power(fault)
+        head = f"{row.words}; {row.category.words}" if under_power else without_power(fault, self.state is _ENABLING)
         self.board.say(f"{head}. {self.reason}. Next: {row.next}".replace(". . ", ". "))
 
     def take(self, order: Order) -> bool:

@@ -61,6 +61,7 @@ class Orders(NamedTuple):
     ring: RingPlace
     board: int
     brake: Brake = NO_BRAKE
+    placed: bool = True  # whether the model knows the place once the axis has a home, or needs none
 
 
 Connect = Callable[[Orders], Drive]
@@ -107,17 +108,22 @@ class AxisData:
         return self.state in POWERED or self.state in STOPS_GOING_ON or self.state in _NOT_GOVERNED
 
     def carrying(self) -> float:
-        """Current (A) with which the brake is released here; without a home nothing is known of what the place does."""
-        p = self.p.stage
-        if not self.homed:
+        """Current (A) with which the brake is released here; without a home nothing is known of what the place does.
+
+        A place outside the travel asks for no more than the end of it: the reading may be wrong.
+        """
+        p, limits = self.p.stage, self.p.envelope
+        if not (self.homed and self.p.placed):
             body = p.mechanics._replace(cable=Cable(), gravity=Harmonic())
             p = p._replace(motor=stage.Motor(p.motor.force_constant), mechanics=body, residual=NO_TABLE)
-        return self.p.brake.holding(p, self.seen.position)
+        return self.p.brake.holding(p, min(max(self.seen.position, limits.low), limits.high))
 
     def adrift(self) -> bool:
         """Whether the axis leaves the place where it got power: as its brake is released no law holds it yet."""
         limits = self.limits
-        if math.isnan(self.start):  # the first period on the way to power
+        if math.isnan(self.start) and not math.isnan(
+            self.seen.position
+        ):  # the drive's first answer on its way to power
             self.start, self.holding = self.seen.position, self.carrying()
         most = 2.0 * (limits.following_error + limits.error_ramp * limits.speed)
         return self.p.brake.present and abs(self.seen.position - self.start) > most

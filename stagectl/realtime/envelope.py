@@ -10,7 +10,7 @@ from stagectl.config.stage_checks import decelerations
 from stagectl.config.stage_file import Setup
 from stagectl.drives import limits as decided
 from stagectl.drives.drive import Canopen
-from stagectl.kernels import stage
+from stagectl.kernels import equilibrium, stage
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.motion_limits import LimitError
 from stagectl.number_format import length
@@ -41,9 +41,9 @@ def envelope(setup: Setup) -> Envelope:
         error_time=limits.following_error_time,
         deceleration=braking(setup),
         jump=_counted(p, limits.encoder_jump, _JUMP * moving),
-        acceleration=_FORCE * acceleration(p),
+        acceleration=_FORCE * acceleration(setup),
         freeze=_counted(p, limits.encoder_freeze, _FREEZE * moving),
-        breakaway=_breakaway(p, limits.travel),
+        breakaway=_breakaway(setup),
         freeze_time=_BREAKAWAY_TIME,
         current=_CURRENT * setup.file.drive.current_limit if limits.current is None else limits.current,
         current_time=_CURRENT_TIME,
@@ -59,14 +59,13 @@ def _followed(setup: Setup) -> dict[str, Any]:
     measured = wire.current_scale if isinstance(wire, Canopen) else 0.0
     count = max(measured, drive.current_quantum)  # A; a smaller change of the command shows in neither
     noise, errors = decided.CURRENT_NOISE * setup.file.simulation.current_noise, drive.telemetry
-    floor = (
-        max(decided.CURRENT_FLOOR * drive.current_limit, 2.0 * count) + noise + abs(drive.offset) + abs(errors.offset)
-    )
+    floor = max(decided.CURRENT_FLOOR * drive.current_limit, 2.0 * count) + noise
+    floor += abs(drive.offset) + abs(drive.directed_offset) + abs(errors.offset)
     given = setup.file.limits.current_deviation
     settling = decided.CURRENT_LAGS * drive.current_lag + errors.late + drive.dead_time + (drive.delay_samples + 2) * dt
     return {
         "current_floor": floor if given is None else given,
-        "current_share": decided.CURRENT_SHARE + abs(errors.gain),
+        "current_share": decided.CURRENT_SHARE + abs(errors.gain) + abs(drive.gain) + abs(drive.gain_asymmetry),
         "current_settling": settling,
         "unfollowed_time": decided.CURRENT_TIME + settling,
         "frozen": decided.FROZEN_QUANTA * count + noise,
@@ -74,9 +73,10 @@ def _followed(setup: Setup) -> dict[str, Any]:
     }
 
 
-def acceleration(p: stage.Stage) -> float:
-    """Largest acceleration (rad/s^2 | m/s^2) by the model: all current, and friction with it."""
-    effort = p.drive.current_limit * p.motor.force_constant + stage.sliding(p.friction) + abs(p.mechanics.bias)
+def acceleration(setup: Setup) -> float:
+    """Largest acceleration (rad/s^2 | m/s^2) by the model: all current, and friction and load with it."""
+    p = setup.stage
+    effort = p.drive.current_limit * p.motor.force_constant + stage.sliding(p.friction) + setup.load
     return effort / p.mechanics.inertia
 
 
@@ -85,8 +85,8 @@ def braking(setup: Setup) -> float:
     limits, p = setup.file.limits, setup.stage
     if limits.deceleration is not None:
         return limits.deceleration
-    effort = p.drive.current_limit * p.motor.force_constant + stage.sliding(p.friction) - abs(p.mechanics.bias)
-    return min(setup.file.own_ramp, max(effort, 0.0) / p.mechanics.inertia)
+    effort = p.drive.current_limit * p.motor.force_constant + stage.sliding(p.friction)
+    return min(setup.file.own_ramp, max(effort - equilibrium.weight(p.mechanics), 0.0) / p.mechanics.inertia)
 
 
 def check_braking(setup: Setup, rows: NDArray[np.float64]) -> None:
@@ -119,12 +119,28 @@ def _unbraked(setup: Setup, at: float, allowed: float, needed: float) -> LimitEr
     return LimitError(problem._replace(remedy=remedy), needed * scale, allowed * scale)
 
 
-def _breakaway(p: stage.Stage, travel: tuple[float, float]) -> float:
-    """Current (A) under which the axis must move; inf where the drive cannot give it."""
-    rise = 1.0 + p.friction.stribeck.rise
-    effort = stage.sliding(p.friction) * rise + stage.load(p, travel)
-    current = _BREAKAWAY * effort / p.motor.force_constant
-    return current if current < p.drive.current_limit else math.inf
+def _breakaway(setup: Setup) -> float:
+    """Current (A) under which the axis must move; inf where the drive cannot give it: see `unwatched`."""
+    current = _needed(setup)
+    return current if current < setup.stage.drive.current_limit else math.inf
+
+
+def _needed(setup: Setup) -> float:
+    """Current (A) under which no axis stands by the model, with room for what the model does not know."""
+    p = setup.stage
+    effort = stage.sliding(p.friction) * (1.0 + p.friction.stribeck.rise) + setup.load
+    return _BREAKAWAY * effort / p.motor.force_constant
+
+
+def unwatched(setup: Setup) -> str:
+    """What to say of an axis at rest whose frozen encoder no current shows; empty where one does."""
+    needed, most = _needed(setup), setup.stage.drive.current_limit
+    if needed < most:
+        return ""
+    return (
+        "limits: an encoder that freezes while the axis stands does not trip `freeze`: friction and load of the model"
+        f" hold the axis up to {0.5 * needed:.3g} A, and drive.current_limit = {most:.3g} A is not more than twice that"
+    )
 
 
 def _counted(p: stage.Stage, given: float | None, otherwise: float) -> float:

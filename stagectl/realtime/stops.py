@@ -96,10 +96,11 @@ STOPS: dict[Fault, Stop] = {
 _UNPOWERED = {
     Fault.DRIVE_FAULT: "the drive is not ready; the axis had no power",  # in Fault, or it takes none: it says why
     Fault.FOLLOWING_ERROR: "the axis left its place as its brake was released, and its power was cut; the current that"
-    " carries it is brake.holding_current, or that of the model's load there",
+    " carries it is brake.holding_current, or that of the model's load there (without a home: of mechanics.bias)",
 }
 
 
-def without_power(fault: Fault) -> str:
-    """A fault of an axis that had no power, in words: nothing was stopped."""
-    return _UNPOWERED.get(fault, f"{STOPS[fault].words}; the axis had no power")
+def without_power(fault: Fault, coming: bool = False) -> str:
+    """A fault of an axis that had no power, in words: nothing was stopped; where power was `coming` it may be there."""
+    power = "may have power, which only its drive can cut" if coming and fault is Fault.BUS else "had no power"
+    return _UNPOWERED.get(fault, f"{STOPS[fault].words}; the axis {power}")

@@ -44,7 +44,7 @@ def limit(setup: Setup, row: FaultType, block: Any, speed: float) -> Limit:
     """For an axis that moves at `speed` (rad/s | m/s) as the fault begins."""
     noticed, way, faster = unnoticed(setup, row, block, speed), 0.0, speed
     if _WILD & set(row.required.noticed):
-        error, force = setup.file.limits.following_error, acceleration(setup.stage)
+        error, force = setup.file.limits.following_error, acceleration(setup)
         faster = speed + math.sqrt(2.0 * force * error) + force * _WATCH
         way = error + faster * _WATCH
     stop = braked(setup, row, faster)

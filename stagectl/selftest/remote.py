@@ -248,7 +248,7 @@ def weakened(setup: Setup, current: float) -> Setup:
 def pace_of(setup: Setup, gentle: Gentle) -> Pace:
     """A motion that the current carries with ease."""
     p, limits = setup.stage, setup.file.limits
-    all_of_it, friction = gentle.current * p.motor.force_constant, stage.sliding(p.friction) + abs(p.mechanics.bias)
+    all_of_it, friction = gentle.current * p.motor.force_constant, stage.sliding(p.friction) + setup.load
     left = all_of_it - friction
     if friction > _FRICTION * all_of_it:
         least = friction / _FRICTION / p.motor.force_constant

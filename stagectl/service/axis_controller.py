@@ -95,9 +95,9 @@ class AxisController:
 
     @property
     def effort(self) -> float:
-        """Effort at the largest current, less sliding friction and bias (N m | N)."""
+        """Effort at the largest current, less sliding friction and load (N m | N)."""
         p = self.setup.stage
-        return p.drive.current_limit * p.motor.force_constant - stage.sliding(p.friction) - abs(p.mechanics.bias)
+        return p.drive.current_limit * p.motor.force_constant - stage.sliding(p.friction) - self.setup.load
 
     def pace(self, speed: float | None, acceleration: float | None) -> tuple[float, float]:
         """Speed and acceleration of a move (axis units): as requested, else what the current gives with ease.

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from stagectl.config.stage_blocks import InProcess
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
+from stagectl.drives.homing import NO_HOMING
 from stagectl.evaluation import WINDOW_COUNTS
 from stagectl.kernels import law, stage
 from stagectl.realtime.axes import Post
@@ -43,6 +44,14 @@ def orders(name: str, setup: Setup, running: law.Law, friction: bool, ring: Ring
         board=board.descriptor,
         brake=setup.file.brake,
     )
+
+
+def relative(axis: Orders) -> Orders:
+    """The job of a single motion, which needs no home: it counts from where the axis stands.
+
+    The model knows that place only where the stage file says that positions are absolute.
+    """
+    return axis._replace(homing=NO_HOMING, placed=axis.homing.method == "none")
 
 
 def post(setup: Setup, axes: Sequence[Orders], coupled: bool = False, single: bool = False) -> Post:

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError, Fault
-from stagectl.drives.homing import Homing
 from stagectl.kernels import law, rollout
 from stagectl.plan import Plan
 from stagectl.realtime import safety
@@ -34,7 +33,7 @@ from stagectl.realtime.states import Event
 from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Child, Companion, running_companion, start
-from stagectl.service.job_from_stage import orders, post
+from stagectl.service.job_from_stage import orders, post, relative
 from stagectl.service.shutdown_signals import heard
 
 Progress = Callable[[int, int], None]  # (cycles done, cycles in all)
@@ -172,7 +171,7 @@ def posted(motion: Motion, shared: Shared) -> Post:
     setup = motion.setup
     friction = "friction" in setup.file.control.layers
     axis = orders(setup.file.name, setup, motion.law, friction, *shared)
-    job = post(setup, [axis._replace(homing=Homing())], single=True)  # relative: it needs no home
+    job = post(setup, [relative(axis)], single=True)
     return job._replace(reset=motion.reset_fault)
 
 

@@ -222,6 +222,11 @@ REFUSED: list[tuple[str, str, dict[str, object]]] = [
         "dead_time: 3.2 ms",
         {"kind": CONFLICT, "key": "drive.dead_time", "interval": "[0, 0.003]"},
     ),
+    (
+        "current_limit: 15 A",
+        "gain: -0.5\n  gain_asymmetry: -0.5",
+        {"kind": CONFLICT, "key": "drive.gain_asymmetry", "interval": "(-0.5, 0.5)"},
+    ),
     ("current_limit: 15 A", "continuous_current: 15 A", {"kind": CONFLICT, "key": "drive.continuous_current"}),
     ("limits:", "continuous_current: 15 A", {"kind": CONFLICT, "key": "limits.continuous_current"}),
     ("current_limit: 15 A", "telemetry: {late: 0.6 ms}", {"key": "drive.telemetry.late", "interval": "[0, 0.0005]"}),

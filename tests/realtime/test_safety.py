@@ -164,7 +164,7 @@ def test_the_stage_files_envelope(ball_screw: Setup) -> None:
     p, limits = envelope(ball_screw), ball_screw.file.limits
     assert (p.low, p.high, p.speed) == (*limits.travel, 1.1 * limits.speed)
     assert (p.following_error, p.error_ramp) == (limits.following_error, 0.0)
-    assert acceleration(ball_screw.stage) == pytest.approx((15.0 * 0.72 + 1.0) / 0.010)
+    assert acceleration(ball_screw) == pytest.approx((15.0 * 0.72 + 1.0) / 0.010)
     assert p.deceleration == braking(ball_screw) == pytest.approx((15.0 * 0.72 + 1.0) / 0.010)  # less than the ramp
     ramped = limits._replace(following_error_at_rest=0.25 * limits.following_error, deceleration=7.0)
     other = envelope(ball_screw.having(limits=ramped))

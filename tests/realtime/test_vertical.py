@@ -13,9 +13,12 @@ from stagectl.drives.brake import Brake
 from stagectl.drives.canopen.library import SdoAbortedError
 from stagectl.drives.drive import Fault, StartUp
 from stagectl.drives.faults import BLOCKS
+from stagectl.drives.homing import Homing
 from stagectl.drives.limits import BRAKE_PATIENCE
 from stagectl.kernels.effects import Harmonic
+from stagectl.kernels.plant import Cable
 from stagectl.realtime.states import Event, State
+from stagectl.realtime.stops import without_power
 from stagectl.selftest.rig import usual
 from tests.single_motion import SingleMotion
 
@@ -143,6 +146,50 @@ def test_without_a_home_the_place_of_a_weight_is_not_known(ball_screw: Setup) ->
     bench.axis.homed = False
     bench.run(lambda: bench.axis.state is not State.ENABLING)
     assert bench.axis.holding == 0.0
+
+
+@pytest.mark.parametrize("control", ["drive", "output"])
+def test_a_bus_that_fails_as_power_comes_leaves_the_axis_where_it_is(ball_screw: Setup, control: str) -> None:
+    """With a brake of ours its drive holds it under power, which nobody can cut: that it has none is not claimed."""
+    setup = hanging(ball_screw.having(brake=Brake(cast(Any, control), 0.03, ENGAGE)))
+    bench = Bench(setup.with_wire(start_up=(StartUp(0x605A00, 6),)) if control == "output" else setup, False)
+    bench.run(lambda: bench.rig.node.axis.brake.free)
+    assert bench.axis.state is State.ENABLING
+    bench.rig.cut_off()
+    bench.run(lambda: bench.axis.state is State.FAULT)
+    bench.rig.time.sleep(2.0)
+    assert abs(bench.rig.seen.position) < setup.stage.encoder.step
+    assert bench.rig.seen.powered == (control == "output")
+    assert without_power(Fault.BUS) not in bench.axis.board.words
+
+
+def test_a_single_motion_that_needs_no_home_does_not_know_the_place_either(ball_screw: Setup) -> None:
+    """`run` counts from where the drive's counter happens to stand, unless the stage file calls that absolute."""
+    setup = hanging(ball_screw.having(brake=Brake("drive", 0.03, ENGAGE), homing=Homing("limit", 1.0, 10.0)))
+    bench = Bench(setup, False)
+    bench.run(lambda: bench.axis.state is not State.ENABLING)
+    assert bench.axis.homed and bench.axis.holding == 0.0
+
+
+def test_a_drive_that_has_not_answered_yet_is_waited_for(ball_screw: Setup) -> None:
+    """Its position is no number until its first answer; power and brake come later."""
+    bench = Bench(hanging(ball_screw.having(brake=Brake("drive", 0.03, ENGAGE))), False)
+    seen = bench.axis.seen
+    bench.axis.seen, bench.axis.start = seen._replace(position=math.nan), math.nan
+    assert not bench.axis.adrift() and bench.axis.holding == 0.0
+    bench.axis.seen = seen._replace(position=0.0)
+    assert not bench.axis.adrift() and bench.axis.holding > 0.0
+
+
+@pytest.mark.parametrize("place", [1e6, -1e6])
+def test_no_place_asks_for_more_than_the_load_within_the_travel(ball_screw: Setup, place: float) -> None:
+    """An absolute encoder that has lost its turns: by its reading the cable would be a kilometre long."""
+    setup = ball_screw.having(brake=Brake("drive", 0.03, ENGAGE))
+    mechanics = setup.stage.mechanics._replace(cable=Cable(0.01))
+    bench = Bench(setup._replace(stage=setup.stage._replace(mechanics=mechanics)), False)
+    bench.axis.seen = bench.axis.seen._replace(position=place)
+    needs = 0.01 * setup.file.limits.travel[1] / setup.stage.motor.force_constant
+    assert abs(bench.axis.carrying()) == pytest.approx(needs, abs=setup.stage.drive.current_quantum)
 
 
 def test_without_its_brake_it_would_drop(upright: Setup) -> None:

@@ -13,6 +13,7 @@ from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.object_access import PlainSdo
 from stagectl.drives.canopen.pdo import EVENT_TIMER
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.kernels.equilibrium import weight
 from stagectl.workflows.acceptance import limits
 
 _OFF = cia402.DeviceCommand.DISABLE_VOLTAGE.controlword.to_bytes(2, "little")
@@ -137,7 +138,7 @@ def _bound(setup: Setup, left: tuple[float, float, float], brakes: bool) -> floa
     """Run-on from a speed under a current for a time, see `drives.run_on`; and what the axis settles by."""
     speed, current, time = abs(left[0]), abs(left[1]), left[2]
     allowed, mechanics = axis_limits(setup.file), setup.stage.mechanics
-    effort = current * setup.stage.motor.force_constant + abs(mechanics.bias)
+    effort = current * setup.stage.motor.force_constant + weight(mechanics)
     worst = allowed.braking if brakes else allowed.coasting
     run_on = worst._replace(speed=speed, acceleration=effort / mechanics.inertia)
     return run_on.distance(time) + limits.SETTLING_SHARE * setup.file.limits.following_error

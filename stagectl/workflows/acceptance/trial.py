@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError, Fault
-from stagectl.drives.homing import Homing
 from stagectl.kernels import feedback, law, rollout
 from stagectl.realtime import safety
 from stagectl.realtime import shared_memory as boards
@@ -29,7 +28,7 @@ from stagectl.realtime.shared_memory import Board
 from stagectl.realtime.states import Event
 from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Child
-from stagectl.service.job_from_stage import orders, post
+from stagectl.service.job_from_stage import orders, post, relative
 from stagectl.service.single_motion import Shared, closed_after, event_of, laid_on, started
 from stagectl.workflows.acceptance.limits import FALL_TIME, GUARD_SHARE, LOOK, LOOP_PATIENCE, SPEED_TIME
 from stagectl.workflows.acceptance.traces import CURRENT, FLOWING, MEASURED
@@ -176,4 +175,4 @@ def _post(setup: Setup, shared: Shared, push: Push) -> Post:
         low=push.low, high=push.high, speed=GUARD_SHARE * setup.file.limits.speed,
         freeze=safety.INF, breakaway=safety.INF,  # that it does not move yet is what the ramp finds out
     )  # fmt: skip
-    return post(setup, [axis._replace(homing=Homing(), envelope=envelope)], single=True)
+    return post(setup, [relative(axis)._replace(envelope=envelope)], single=True)

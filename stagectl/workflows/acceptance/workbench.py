@@ -12,7 +12,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.bus.other_masters import alone
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.kernels import stage
+from stagectl.kernels import equilibrium, stage
 from stagectl.motion_limits import check_current
 from stagectl.number_format import length
 from stagectl.service.virtual_timeouts import patient
@@ -58,14 +58,15 @@ class Workbench:
     @classmethod
     def of(cls, setup: Setup, current: float | None) -> Workbench:
         """For a stage with a CANopen drive.  Raises DriveError where it cannot be tried so; LimitError."""
-        friction, bias = stage.sliding(setup.stage.friction), abs(setup.stage.mechanics.bias)
-        if bias > friction:
+        friction, p = stage.sliding(setup.stage.friction), setup.stage.mechanics
+        if (pull := equilibrium.weight(p)) > friction:
+            place, value = ("mechanics.bias", p.bias) if p.bias else ("mechanics.gravity", p.gravity.amplitude)
             raise DriveError(
-                f"mechanics.bias = {setup.stage.mechanics.bias:g} is more than the friction, {friction:g}: this axis"
+                f"{place} = {value:g}: the weight, {pull:g}, is more than the friction, {friction:g}: this axis"
                 " falls without current, and the tests in open loop would let it. Lock it, or take the load"
-                " off, and state mechanics.bias: 0 for the acceptance",
-                place="mechanics.bias",
-                value=setup.stage.mechanics.bias,
+                " off, and state a weight of 0 for the acceptance",
+                place=place,
+                value=value,
             )
         if current is None:
             check_current(setup, current := _test_current(setup), "the current that the friction needs")
