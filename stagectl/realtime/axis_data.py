@@ -121,9 +121,8 @@ class AxisData:
     def adrift(self) -> bool:
         """Whether the axis leaves the place where it got power: as its brake is released no law holds it yet."""
         limits = self.limits
-        if math.isnan(self.start) and not math.isnan(
-            self.seen.position
-        ):  # the drive's first answer on its way to power
+        first = math.isnan(self.start) and not math.isnan(self.seen.position)
+        if first:  # answer of the drive on its way to power
             self.start, self.holding = self.seen.position, self.carrying()
         most = 2.0 * (limits.following_error + limits.error_ramp * limits.speed)
         return self.p.brake.present and abs(self.seen.position - self.start) > most

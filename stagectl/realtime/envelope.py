@@ -139,7 +139,8 @@ def unwatched(setup: Setup) -> str:
         return ""
     return (
         "limits: an encoder that freezes while the axis stands does not trip `freeze`: friction and load of the model"
-        f" hold the axis up to {0.5 * needed:.3g} A, and drive.current_limit = {most:.3g} A is not more than twice that"
+        f" hold the axis up to {needed / _BREAKAWAY:.3g} A, and drive.current_limit = {most:.3g} A is not more than"
+        f" {_BREAKAWAY:g} times that"
     )
 
 
