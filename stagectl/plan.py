@@ -112,8 +112,8 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
     lead = command_delay(setup)
-    begins = start.position, start.clock + lead
-    memory = model_effects.going_on(p, begins, start.effects, setup.file.brake.present)
+    braked = setup.file.brake.present
+    memory = model_effects.going_on(p, start.position, start.effects, start.clock + lead, braked)
     if not model_effects.present(p) and memory.held == 0.0:
         return model_effects.Answer()
     each = model_effects.steps(p, dt)
@@ -121,7 +121,7 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     path = np.stack(motion.at(t)[:3], axis=1) / setup.file.axis.travel_per_unit
     path[:, 0] += start.position
     current, answer = model_effects.along(p, memory, path, dt)
-    model_effects.put_into(rows, p, current, (start.position, memory.whole.commands[0]))
+    model_effects.put_into(rows, p, current, start.position, memory.whole.commands[0])
     return answer
 
 

@@ -318,13 +318,29 @@ def with_effects(folder: Path) -> Path:
         "  cable: {stiffness: 2e-3 N m/rad, hysteresis: 0.05 N m, slip: 4 mm}\n",
         "  force_constant: 0.72 N m/A\n": "  cogging: {amplitude: 0.03 N m, order: 4, phase: 0.4 rad}\n",
     }
+    path = folder / "effects.yaml"
+    path.write_text(re.sub(r"(?m)^    reset: node .*", "    reset: none", with_more(effects)))
+    return path
+
+
+def with_more(entries: dict[str, str]) -> str:
+    """The text of the stage with these entries, each after the line that it belongs to."""
     text = movable(STAGE.read_text())
-    for line, more in effects.items():
+    for line, more in entries.items():
         assert line in text
         text = text.replace(line, line + more)
-    path = folder / "effects.yaml"
-    path.write_text(re.sub(r"(?m)^    reset: node .*", "    reset: none", text))
-    return path
+    return text
+
+
+def runs_as_it_simulates(folder: Path, stage: Path, motion: Path) -> Any:
+    """The rows of a motion that runs, bit for bit, as it simulates."""
+    sc.simulate(stage, motion).save(folder / "s.h5")
+    done = stagectl("run", stage, motion, "--channel", folder / "bus", "-o", folder / "r.h5")
+    assert done.returncode == 0, done.stderr
+    ran, simulated = (open_recording(folder / name).samples for name in ("r.h5", "s.h5"))
+    for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
+        assert np.array_equal(ran[column], simulated[column]), column
+    return ran
 
 
 def test_what_holds_a_memory_of_the_way_runs_as_it_simulates(tmp_path: Path) -> None:
@@ -335,17 +351,9 @@ def test_what_holds_a_memory_of_the_way_runs_as_it_simulates(tmp_path: Path) -> 
   transmission: {load_share: 0.3, load_friction: 0.4, resonance: 800 Hz, damping: 0.1, backlash: 0.3 mrad}
 """
     rubbing = "  asymmetry: 0.03\n  load: 0.03\n  lead: {amplitude: 0.03, order: 1}\n"
-    text, stage = movable(STAGE.read_text()), tmp_path / "stage.yaml"
-    for line, more in {"  viscous: 0.14 N m s/rad\n": body, "  coulomb: 1.0 N m\n": rubbing}.items():
-        assert line in text
-        text = text.replace(line, line + more)
-    stage.write_text(text)
-    sc.simulate(stage, SINE).save(tmp_path / "s.h5")
-    done = stagectl("run", stage, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
-    assert done.returncode == 0, done.stderr
-    ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
-    for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
-        assert np.array_equal(ran[column], simulated[column]), column
+    stage = tmp_path / "stage.yaml"
+    stage.write_text(with_more({"  viscous: 0.14 N m s/rad\n": body, "  coulomb: 1.0 N m\n": rubbing}))
+    runs_as_it_simulates(tmp_path, stage, SINE)
 
 
 BRAKE = "brake: {control: drive, release: 30 ms, engage: 50 ms}\n"
@@ -372,18 +380,11 @@ def test_a_load_behind_a_brake_and_what_goes_by_the_clock_run_as_they_simulate(
     tmp_path: Path, added: tuple[str, str], brake: str
 ) -> None:
     """Bit for bit, and as near as without: more than friction carries, or less of it; from a machine that is cold."""
-    text, stage, move = movable(STAGE.read_text()), tmp_path / "stage.yaml", tmp_path / "move.yaml"
-    for line, more in zip(("  viscous: 0.14 N m s/rad\n", "  coulomb: 1.0 N m\n"), added, strict=True):
-        assert line in text
-        text = text.replace(line, line + more)
-    stage.write_text(text + brake)
+    stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
+    entries = dict(zip(("  viscous: 0.14 N m s/rad\n", "  coulomb: 1.0 N m\n"), added, strict=True))
+    stage.write_text(with_more(entries) + brake)
     move.write_text("{type: sine, amplitude: 2 mm, frequency: 3.2 Hz, periods: 2}")
-    sc.simulate(stage, move).save(tmp_path / "s.h5")
-    done = stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
-    assert done.returncode == 0, done.stderr
-    ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
-    for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
-        assert np.array_equal(ran[column], simulated[column]), column
+    ran = runs_as_it_simulates(tmp_path, stage, move)
     assert np.abs(ran["error"]).max() <= 3.0 * 2.0 * np.pi / 2**20  # the plain stage: 27.9 nm, 2.4 counts
 
 

@@ -102,12 +102,11 @@ def mapped(p: stage.Stage) -> bool:
     return p.encoder[2:] != plain(p).encoder[2:]
 
 
-def put_into(rows: Array, p: stage.Stage, current: Array, begins: tuple[float, float]) -> None:
+def put_into(rows: Array, p: stage.Stage, current: Array, place: float, held: float) -> None:
     """Add `current` (n,) A, and the encoder's map, to setpoints `rows` (n, 8), and make commands of currents.
 
-    The axis `begins` where its encoder reads that (rad | m), held by a feedback of so much (A).
+    The axis begins where its encoder reads `place` (rad | m), under a feedback of `held` (A).
     """
-    place, held = begins
     rows[:, SETPOINT_COLUMNS["friction"]] += current
     if p.drive != plain(p).drive:
         known = rows[:, SETPOINT_COLUMNS["feedforward"]] + rows[:, SETPOINT_COLUMNS["friction"]]
@@ -177,12 +176,11 @@ def _at_rest(p: stage.Stage, position: float, clock: float, braked: bool) -> sta
     return stage.at_rest(p, position, clock, stage.released(p, position) if braked else 0.0)
 
 
-def going_on(p: stage.Stage, start: tuple[float, float], left: Memory | None, braked: bool) -> Memory:
-    """The memory of an axis that stands at the position (rad | m), and the session clock (s), of `start`.
+def going_on(p: stage.Stage, position: float, left: Memory | None, clock: float, braked: bool) -> Memory:
+    """The memory of an axis that stands at `position` (rad | m) at the session `clock` (s).
 
-    It is what the last motion `left`, if that ended there.
+    It is what the last motion `left`, if that ended there; else that of an axis which a brake held before, or none.
     """
-    position, clock = start
     if left is None or abs(left.whole.position - position) > p.encoder.step + ROUNDING * (1.0 + abs(position)):
         return begun(p, position, clock, braked)
     return left.at(clock)
@@ -196,7 +194,7 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     """
     each, known = steps(p, dt), plain(p)
     hold = period_currents.hold(p, dt)
-    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), (memory.origin, memory.braked), hold)
+    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin, memory.braked, hold)
     begins = memory.copy().plain
     current, whole = way.demanded(p, memory.whole)
     without, plain_end = way.demanded(known, memory.plain)
@@ -216,7 +214,8 @@ class _Way(NamedTuple):
     plain: stage.Stage
     motion: Array  # (n `steps[1]` + 1, 3)
     steps: tuple[float, int]  # s between its rows, and how many of them are a control period
-    origin: tuple[float, bool]  # rad | m, where what is demanded at rest is left to the feedback; whether it was braked
+    origin: float  # rad | m, where what is demanded at rest is left to the feedback
+    braked: bool  # whether a brake held the axis there
     hold: period_currents.Hold  # of all models alike, as they are subtracted
 
     def for_model(self, p: stage.Stage) -> _Way:
@@ -227,14 +226,10 @@ class _Way(NamedTuple):
             return self
         return self._replace(motion=self.motion[:: each // needed].copy(), steps=(h * each / needed, needed))
 
-    def begun(self, p: stage.Stage, clock: float) -> stage.State:
-        """A model before the first motion, but at this session `clock` (s)."""
-        position, braked = self.origin
-        return _at_rest(p, position, clock, braked)
-
     def demanded(self, p: stage.Stage, x: stage.State) -> tuple[Array, stage.State]:
         """Current (n + 1,) A at rest and in each period, beyond that at rest at the origin; the state at the end."""
-        at_origin, begins = _resting(p, self.begun(p, x.memory.time)), _resting(p, x)
+        first = _at_rest(p, self.origin, x.memory.time, self.braked)
+        at_origin, begins = _resting(p, first), _resting(p, x)
         out = np.empty(len(self.motion))
         end = inverse.along(p, x, self.motion, self.steps[0], out)
         acting = self.hold.commands(0.5 * (out[1:] + out[:-1]), self.steps[1])
@@ -262,7 +257,7 @@ def _within_shares(
     for place in places(p):
         alone = put(way.plain, place, get(p, place))
         rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
-        rests = _at_rest(alone, begins.position, begins.memory.time, way.origin[1])
+        rests = _at_rest(alone, begins.position, begins.memory.time, way.braked)
         own, _ = way.for_model(alone).demanded(alone, rests._replace(**rubbing))
         own -= without
         current -= own - period_currents.spread(own, most)
