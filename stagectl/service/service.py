@@ -253,8 +253,7 @@ class Service:
         number = board.order(order)
         end = time.monotonic() + _ANSWER
         while (verdict := board.verdict(number)) == PENDING:
-            silent = time.monotonic() > end and time.monotonic() - axis.status.tick > axis.status.patience
-            if silent or axis.board is not board:
+            if axis.board is not board or (time.monotonic() > end and not self.alive()):
                 raise gone
             await asyncio.sleep(0.002)
         if verdict != TAKEN:

@@ -51,3 +51,22 @@ def test_gains_that_were_not_taken_are_not_kept(service: Service, axis: AxisCont
     with pytest.raises(ServiceError, match="is starting"):
         asyncio.run(OrderHandler(service).change("axis", {"bandwidth": "25 Hz"}))
     assert (axis.control, axis.controller) == before
+
+
+def test_the_process_sets_up_the_drive_of_another_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It serves both: an axis without its drive shows nothing meanwhile, and its order waits."""
+    monkeypatch.setattr("stagectl.service.service._ANSWER", 0.0)
+    axes = {name: machine([str(CONFIG / "ball-screw.yaml")], None)["axis"] for name in "xy"}
+    service = Service(axes, ServicePaths(tmp_path / "socket", tmp_path), False, lambda _: None)
+    now = time.monotonic()
+    axes["x"].board.show(Status(state=State.CONNECTING, tick=now, patience=1e6))
+    axes["y"].board.show(Status(state=State.OFFLINE, tick=now - 10.0, patience=1.0))
+
+    async def ordered() -> None:
+        order = asyncio.create_task(service.order(axes["y"], Order(Event.CONNECT)))
+        await asyncio.sleep(0.05)
+        assert axes["y"].board.next_order() is not None
+        axes["y"].board.answer(True)
+        await asyncio.wait_for(order, 10.0)
+
+    asyncio.run(ordered())
