@@ -18,6 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from numpy.typing import NDArray
 
 from stagectl import design
@@ -68,6 +69,9 @@ LONGEST = (
     "tests/kernels/test_bits.py",
 )
 
+
+settings.register_profile("suite", deadline=None)  # an example of 10 ms takes 200 ms where the machine is busy
+settings.load_profile("suite")
 
 gc.disable()  # until all is collected
 

@@ -153,7 +153,7 @@ def test_a_bandwidth_below_the_plants_damping_is_refused(ball_screw: Setup) -> N
 extreme = st.sampled_from([5e-324, 1e-300, 1e-150, 1e-30, 1e-9, 1e-3, 1.0, 1e3, 1e6])
 
 
-@settings(max_examples=50, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(extreme, extreme | st.just(0.0), extreme, st.floats(1e-3, 2000.0), st.sampled_from([1e-5, 5e-4, 0.1]))
 def test_no_number_is_too_extreme_for_words(
     ball_screw: Setup, inertia: float, viscous: float, constant: float, hertz: float, period: float
@@ -186,7 +186,7 @@ def spread(setup: Setup, control: design.Control) -> float:
     return float(position[-200:].max() / position[:200].max())
 
 
-@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.floats(15.0, 90.0), st.sampled_from([5e-4, 1e-3]), st.integers(0, 3), st.integers(0, 2))
 def test_poles_and_time_agree_on_stability(ball_screw: Setup, hertz: float, period: float, nd: int, nm: int) -> None:
     setup = varied(ball_screw, nd=nd, nm=nm)

@@ -132,7 +132,7 @@ def test_parts_add_up_before_they_are_compared(ball_screw: Setup) -> None:
         planned(ball_screw, Sequence((step, step)))
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.floats(1e-6, 0.1), st.floats(0.5, 30.0))
 def test_nothing_beyond_the_limits_is_ever_laid_out(ball_screw: Setup, amplitude: float, frequency: float) -> None:
     sine = Sine(amplitude, frequency, 1.0, 1.0)

@@ -7,11 +7,12 @@ from urllib.parse import quote
 
 import typer
 
-from stagectl.api.arguments import quantity
+from stagectl.api.arguments import Update, quantity
 from stagectl.cli.options import Json, OneAxis, Socket, option
 from stagectl.cli.service import ask_service
 from stagectl.cli.show import console, emit, progress
 from stagectl.problem import Problem, ProblemKind, why_unread
+from stagectl.service.shutdown_signals import STOPS, held_back
 from stagectl.units import Quantity, StageError
 from stagectl.web.limits import REACHED_BACK
 
@@ -58,12 +59,22 @@ def _ended(axis: str, socket: Path | None) -> dict[str, str]:
 
 
 def _recorded(body: dict[str, Any], bounded: bool, socket: Path | None) -> dict[str, str]:
-    """Begin a recording and wait for its end, or end it when the operator does."""
-    begun: dict[str, str] = ask_service(socket, "POST", "/v1/recordings", body)
-    console.print(f"recording {begun['axis']}" + ("" if bounded else "; Ctrl-C ends"))
+    """Begin a recording and wait for its end, or end it when the operator does.
+
+    Who interrupts while the service begins it waits for the answer: the recording would go on unattended.  The bar is
+    loaded before: an interrupt in an import ends the process by the signal, whatever is caught.
+    """
+    begun: dict[str, str] = {}
+    seconds = body["seconds"] if bounded else 0.0
     try:
-        _until_whole(begun, body["seconds"] if bounded else 0.0, socket)
+        with progress("record", max(round(10 * seconds), 1)) as update:
+            with held_back(*STOPS):
+                begun.update(ask_service(socket, "POST", "/v1/recordings", body))
+            console.print(f"recording {begun['axis']}" + ("" if bounded else "; Ctrl-C ends"))
+            _until_whole(begun, seconds, socket, update)
     except (KeyboardInterrupt, OSError):  # OSError: the terminal has gone, and takes no progress any more
+        if not begun:
+            raise
         _ended(begun["axis"], socket)
     return begun
 
@@ -81,19 +92,18 @@ def _fetched(begun: dict[str, str], output: Path, socket: Path | None) -> None:
         raise StageError(Problem(reason, ProblemKind.FILE, remedy=remedy, file=output)) from error
 
 
-def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None) -> None:
+def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None, update: Update) -> None:
     """Wait for the end of the file, with a bar if it is known.  Without rows there is no file: exit 1."""
     began = time.monotonic()
-    with progress(f"record {begun['file']}", max(round(10 * seconds), 1)) as update:
-        while True:
-            files = ask_service(socket, "GET", "/v1/recordings")
-            mine = [file for file in files if (file["axis"], file["file"]) == (begun["axis"], begun["file"])]
-            if not mine:
-                words = f"nothing was recorded: {begun['axis']} gave no rows"
-                console.print(f"{words}: see `stagectl status` and `stagectl fault list`", style="red")
-                raise typer.Exit(1)
-            if not mine[0]["going_on"]:
-                return
-            elapsed = time.monotonic() - began
-            update(min(round(10 * elapsed), round(10 * seconds)), max(round(10 * seconds), 1))
-            time.sleep(_LOOK)
+    while True:
+        files = ask_service(socket, "GET", "/v1/recordings")
+        mine = [file for file in files if (file["axis"], file["file"]) == (begun["axis"], begun["file"])]
+        if not mine:
+            words = f"nothing was recorded: {begun['axis']} gave no rows"
+            console.print(f"{words}: see `stagectl status` and `stagectl fault list`", style="red")
+            raise typer.Exit(1)
+        if not mine[0]["going_on"]:
+            return
+        elapsed = time.monotonic() - began
+        update(min(round(10 * elapsed), round(10 * seconds)), max(round(10 * seconds), 1), f"record {begun['file']}")
+        time.sleep(_LOOK)

@@ -118,10 +118,28 @@ else:
             _compile()
             return call.compiled
 
+    def _boxed(kind: Any, value: Any, context: Any) -> Any:
+        """A named tuple of a kernel's result, made without a line of Python, in which Ctrl-C would raise.
+
+        numba calls the class, and does not look whether that has raised: the process would crash.
+        """
+        from numba.core.boxing import box_tuple
+
+        constants = context.env_manager
+        new, made = (constants.read_const(constants.add_const(item)) for item in (tuple.__new__, kind.instance_class))
+        values = box_tuple(kind, value, context)
+        result = context.pyapi.call_function_objargs(new, [made, values])
+        context.pyapi.decref(values)
+        return result
+
     def _compile() -> None:
         """Make numba know all kernels; each is compiled, or read from disk, at its first call."""
         import numba
+        import numba.core.boxing  # enters its own way first
+        from numba.core.pythonapi import _boxers
 
+        for kind in (numba.types.NamedTuple, numba.types.NamedUniTuple):
+            _boxers.functions[kind] = _boxed
         config: Any = numba.config
         config.CACHE_DIR = str(_CACHE)  # a program that had loaded numba before kept it beside the sources
         # Two rollouts run side by side in two threads (nogil).  No kernel allocates: without reference counts and with

@@ -122,9 +122,7 @@ EDITS = st.lists(
 
 
 @pytest.mark.parametrize("name", [*STAGES, *TRAJECTORIES[:1]])
-@settings(
-    max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True
-)
+@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
 @given(edits=EDITS)
 def test_any_edit_of_any_file(machine: Path, ball_screw: Setup, name: str, edits: list[tuple[int, int, str]]) -> None:
     folder = CONFIG if name in STAGES else CONFIG / "trajectories"
@@ -137,9 +135,7 @@ def test_any_edit_of_any_file(machine: Path, ball_screw: Setup, name: str, edits
     attempt(load, machine / "edited.yaml", Case(repr(text), text.encode("utf-8", "surrogatepass")))
 
 
-@settings(
-    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True
-)
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
 @given(content=st.binary(max_size=200))
 def test_any_bytes(machine: Path, content: bytes) -> None:
     attempt(load_stage, machine / "bytes.yaml", Case(repr(content), content, True))

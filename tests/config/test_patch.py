@@ -52,7 +52,7 @@ def operators(count: int, coulomb: float, shortest: float) -> dict[str, Any]:
     count=st.integers(1, 24),
     shortest=st.floats(1e-7, 1e-2),
 )
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_values_come_back_and_the_rest_stays(
     name: str, scale: float, viscous: float, bias: float, count: int, shortest: float, tmp_path: Path
 ) -> None:

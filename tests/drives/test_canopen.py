@@ -19,8 +19,7 @@ import canopen
 import pytest
 
 from stagectl.drives.bus.can_plugin import EmbeddedBus
-from stagectl.drives.bus.embedded import Embedded
-from stagectl.drives.bus.frames import frame, parse
+from stagectl.drives.bus.frames import Bus, frame, parse
 from stagectl.drives.canopen import configuration, power_states, protection
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.cia402 import state as state_of
@@ -29,20 +28,20 @@ from stagectl.drives.canopen.fault_texts import FAULTS
 from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.object_rules import Wishes
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
-from stagectl.drives.clock import WALL
-from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Power
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Feedback, Power
 from stagectl.drives.limits import RESET_TIME
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.kernels import stage
 from tests.drives import workbench
-from tests.drives.workbench import DT, EDS, STEP, SYNC, Workbench, enabled, linear_stage, stopped
+from tests.drives.workbench import DT, EDS, STEP, SYNC, Workbench, linear_stage
 
 
 class Tapped:
-    """An embedded bus that a test can break and add frames to."""
+    """A bus that a test can break and add frames to, with the clock that its drive goes by."""
 
-    def __init__(self, bus: Embedded) -> None:
-        self._bus = bus
+    def __init__(self, bus: Bus, clock: Clock) -> None:
+        self._bus, self.clock = bus, clock
         self.broken = False
         self.before: list[bytes] = []  # heard before anything else
         self.sent: list[bytes] = []
@@ -62,18 +61,27 @@ class Tapped:
 
 @pytest.fixture
 def bus(bench: Workbench) -> Tapped:
-    return Tapped(bench.bus())
+    """Our end of the bus of `bench.booted`, in virtual time: no computer is too busy for it."""
+    return Tapped(bench.ours, bench.time)
 
 
 def drive_on(bench: Workbench, bus: Tapped, **changes: Any) -> CanopenDrive:
-    drive = CanopenDrive(Wishes(bench.settings(**changes), STEP, DT), bus)
+    drive = CanopenDrive(Wishes(bench.settings(**changes), STEP, DT), bus, clock=bus.clock)
     protocol: Drive = drive  # the protocol holds, says mypy
     assert protocol is drive
     return drive
 
 
+def enabled(drive: CanopenDrive) -> Feedback:
+    return workbench.enabled(drive, drive._clock)
+
+
+def stopped(drive: CanopenDrive, patience: float = 10.0) -> Feedback:
+    return workbench.stopped(drive, drive._clock, patience)
+
+
 def test_a_stage_moves_over_the_bus_with_a_delay_of_one_period(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus)
     assert enabled(drive).position == 0.0
     p = linear_stage()
@@ -97,7 +105,7 @@ def test_a_stage_moves_over_the_bus_with_a_delay_of_one_period(bench: Workbench,
 
 
 def test_no_thread_is_started(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     before = threading.active_count()
     drive = drive_on(bench, bus)
     enabled(drive)
@@ -106,7 +114,7 @@ def test_no_thread_is_started(bench: Workbench, bus: Tapped) -> None:
 
 
 def test_it_configures_and_describes_the_drive(bench: Workbench, bus: Tapped) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     description = drive_on(bench, bus).describe()
     assert description["device type"] == "0x00020192: CiA 402, servo drive"
     assert description["device name"] == "stagectl virtual drive"
@@ -120,38 +128,24 @@ def test_it_configures_and_describes_the_drive(bench: Workbench, bus: Tapped) ->
     assert [node.objects.number(0x1600, n) for n in range(3)] == [2, 0x60400010, 0x20710020]
 
 
-class Hurried:
-    """A clock that is ahead of the wall's by `ahead` s."""
-
-    def __init__(self) -> None:
-        self.ahead = 0.0
-
-    def now(self) -> float:
-        return WALL.now() + self.ahead
-
-    def sleep(self, seconds: float) -> None:
-        WALL.sleep(seconds)
-
-
 def test_heartbeats_go_by_time_however_late_the_cycles(bench: Workbench, bus: Tapped) -> None:
     """Counted in cycles, a loop ten times too slow would be taken for a dead one."""
-    bench.running("sync")
-    clock = Hurried()
-    drive = CanopenDrive(Wishes(bench.settings(), STEP, DT), bus, clock=clock)
+    bench.booted("sync")
+    drive = drive_on(bench, bus)
     enabled(drive)
-    begun = clock.now()
+    begun = bench.time.now()
     bus.sent.clear()
     for _ in range(100):
-        clock.ahead += 10.0 * DT
+        bench.time.sleep(10.0 * DT)
         drive.sample()
         drive.apply(0.0)
-    assert 49 <= bus.sent.count(frame(0x77F, b"\x05")) <= (clock.now() - begun) / 0.02 + 1.0  # each 20 ms
+    assert 49 <= bus.sent.count(frame(0x77F, b"\x05")) <= (bench.time.now() - begun) / 0.02 + 1.0  # each 20 ms
     assert bus.sent.count(SYNC) == 100
 
 
 @pytest.mark.parametrize("code", [0x2310, 0x7305])
 def test_a_fault_is_reset_by_a_person_alone(bench: Workbench, bus: Tapped, code: int) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     node.trip(code)
@@ -175,7 +169,7 @@ def test_a_fault_is_reset_by_a_person_alone(bench: Workbench, bus: Tapped, code:
 
 
 def test_it_enables_from_quick_stop_active(bench: Workbench, bus: Tapped) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     drive = drive_on(bench, bus)
     node.objects.node.set_data(0x605A, 0, b"\x06\x00")
     node.axis.options = node.objects.options()
@@ -185,14 +179,14 @@ def test_it_enables_from_quick_stop_active(bench: Workbench, bus: Tapped) -> Non
 
 
 def test_a_vanished_drive_is_feedback_lost(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus, feedback_timeout=0.05, heartbeat=5.0)  # none between its last answer and its end
     enabled(drive)
     last = drive.sample()
     bench.stop()
-    began = time.monotonic()
+    began = bench.time.now()
     lost = drive.sample()
-    assert 0.05 <= time.monotonic() - began < 1.0
+    assert bench.time.now() - began == pytest.approx(0.05)
     assert (lost.fault, lost.position) == (Fault.FEEDBACK_LOST, last.position)
     assert "no answer to SYNC" in drive.explain()
     assert "cable" in drive.explain()
@@ -202,13 +196,12 @@ def test_a_vanished_drive_is_feedback_lost(bench: Workbench, bus: Tapped) -> Non
 
 
 def test_a_late_answer_is_not_taken_for_the_next(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus, feedback_timeout=0.05)
     enabled(drive)
-    receive, bus.receive = bus.receive, lambda timeout: None  # type: ignore[method-assign]
+    receive, bus.receive = bus.receive, bench.time.sleep  # type: ignore[method-assign,assignment]
     assert drive.sample().fault is Fault.FEEDBACK_LOST
     bus.receive = receive  # type: ignore[method-assign]
-    time.sleep(0.02)
     for _ in range(3):
         assert drive.sample().fault is Fault.NONE
         left = list(iter(lambda: bus.receive(0.005), None))
@@ -216,7 +209,7 @@ def test_a_late_answer_is_not_taken_for_the_next(bench: Workbench, bus: Tapped) 
 
 
 def test_a_broken_bus_raises_nowhere(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     bus.broken = True
@@ -228,7 +221,7 @@ def test_a_broken_bus_raises_nowhere(bench: Workbench, bus: Tapped) -> None:
 
 
 def test_a_drive_that_leaves_operation_is_a_drive_fault(bench: Workbench, bus: Tapped) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     node.axis.quick_stop()
@@ -238,7 +231,7 @@ def test_a_drive_that_leaves_operation_is_a_drive_fault(bench: Workbench, bus: T
 
 
 def test_other_frames_are_taken_up_on_the_way(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     bus.before += [frame(0x705, b"\x05"), frame(0x123, b"x"), frame(0x085, bytes.fromhex("1043010102030405"))]
@@ -253,18 +246,19 @@ def test_other_frames_are_taken_up_on_the_way(bench: Workbench, bus: Tapped) -> 
 
 
 def test_a_command_that_is_no_number_becomes_zero_and_a_fault(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     drive.sample()
     drive.apply(math.nan)
-    assert parse(bus.sent[-1])[1] == struct.pack("<Hi", 0x0F, 0)
+    sent = [data for identifier, data, *_ in map(parse, bus.sent) if identifier == 0x205]
+    assert sent[-1] == struct.pack("<Hi", 0x0F, 0)
     assert drive.sample().fault is Fault.DRIVE_FAULT
     assert "not a number; zero was sent instead" in drive.explain()
 
 
 def test_a_drive_that_hangs_is_explained(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     monkeypatch.setattr(workbench, "ENABLE_TIME", 0.2)
     drive = drive_on(bench, bus)
     node.axis.control = lambda controlword: None  # type: ignore[method-assign]
@@ -276,8 +270,8 @@ def test_a_drive_that_hangs_is_explained(bench: Workbench, bus: Tapped, monkeypa
 class Doubled(Tapped):
     """A bus on which late answers about the first object come before the answer about the second."""
 
-    def __init__(self, bus: Embedded, late: list[bytes]) -> None:
-        super().__init__(bus)
+    def __init__(self, bench: Workbench, late: list[bytes]) -> None:
+        super().__init__(bench.ours, bench.time)
         self.late, self.asked = late, list[bytes]()
 
     def send(self, raw: bytes) -> None:
@@ -294,29 +288,29 @@ class Flash(Tapped):
     held: tuple[float, bytes] | None = None
 
     def receive(self, timeout: float) -> bytes | None:
-        end = time.monotonic() + timeout
+        end = self.clock.now() + timeout
         while True:
-            if self.held is not None and time.monotonic() >= self.held[0]:
+            if self.held is not None and self.clock.now() >= self.held[0]:
                 raw, self.held = self.held[1], None
                 return raw
-            result = super().receive(max(min(end - time.monotonic(), 0.01), 0.0))
+            result = super().receive(max(min(end - self.clock.now(), 0.01), 0.0))
             if result is not None and parse(result)[0] == 0x585 and parse(result)[1][:3] == bytes([0x60, 0x85, 0x60]):
-                self.held = (time.monotonic() + 0.6, result)
-            elif result is not None or time.monotonic() >= end:
+                self.held = (self.clock.now() + 0.6, result)
+            elif result is not None or self.clock.now() >= end:
                 return result
 
 
 def test_a_drive_that_writes_its_flash_is_waited_for(bench: Workbench) -> None:
-    bench.running("sync")
-    description = drive_on(bench, Flash(bench.bus())).describe()
+    bench.booted("sync")
+    description = drive_on(bench, Flash(bench.ours, bench.time)).describe()
     assert description["quick stop ramp (0x6085)"] == "200000000 counts/s^2"
 
 
 def test_a_late_answer_to_a_request_that_was_given_up_is_none_to_the_next(bench: Workbench, bus: Tapped) -> None:
     """A drive that boots slowly answers the first request and its repetition, one after the other."""
-    bench.running("sync")
+    bench.booted("sync")
     late = [frame(0x585, bytes.fromhex(text)) for text in ("4300100000000000", "8000100000000405")]  # value, and abort
-    description = drive_on(bench, Doubled(bench.bus(), late)).describe()
+    description = drive_on(bench, Doubled(bench, late)).describe()
     assert re.fullmatch("0x[0-9A-F]{8}", description["vendor"])
     assert description["device type"] == "0x00020192: CiA 402, servo drive"
 
@@ -328,7 +322,7 @@ def test_nobody_answers(bench: Workbench, bus: Tapped) -> None:
 
 
 def test_the_drives_rated_current_is_believed(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync", rpdo=(0x604000, 0x607100), command_object=0x607100, command_scale=0.01)
+    bench.booted("sync", rpdo=(0x604000, 0x607100), command_object=0x607100, command_scale=0.01)
     with pytest.raises(DriveError, match="0x6075") as caught:
         drive_on(bench, bus, command_object=0x607100, rpdo=(0x604000, 0x607100), rated_current=8.0)
     error = caught.value
@@ -349,7 +343,7 @@ def eds_without(folder: Path, *sections: str) -> str:
 
 def test_objects_that_drives_may_lack_are_described_as_such(bench: Workbench, bus: Tapped, tmp_path: Path) -> None:
     eds = eds_without(tmp_path, "605B", "6008", "1009", "6502")
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus, eds=eds)
     assert drive.describe()["shutdown option (0x605B)"] == "not offered by this drive"
     assert drive.describe()["hardware version"] == "not offered by this drive"
@@ -357,7 +351,7 @@ def test_objects_that_drives_may_lack_are_described_as_such(bench: Workbench, bu
 
 
 def test_objects_it_must_have_are_an_error(bench: Workbench, bus: Tapped, tmp_path: Path) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     with pytest.raises(DriveError, match="0x6061:00") as caught:
         drive_on(bench, bus, eds=eds_without(tmp_path, "6061"))
     assert (caught.value.node, caught.value.object_key, caught.value.abort_code) == (5, 0x606100, 0x0602_0000)
@@ -430,7 +424,7 @@ class Echo:
 
 
 def test_one_cycle_costs_a_few_microseconds(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus)
     Echo(drive)
     took = []
@@ -525,8 +519,8 @@ def stock(bench: Workbench) -> Iterator[StockDrive]:
     drive.network.disconnect()
 
 
-def test_it_drives_a_node_of_the_stock_library(bench: Workbench, bus: Tapped, stock: StockDrive) -> None:
-    drive = drive_on(bench, bus)
+def test_it_drives_a_node_of_the_stock_library(bench: Workbench, stock: StockDrive) -> None:
+    drive = drive_on(bench, Tapped(bench.bus(), WALL))
     assert drive.describe()["device name"] == "stagectl virtual drive"
     assert stock.node.get_data(0x1A00, 2) == struct.pack("<I", 0x6064_0020)
     enabled(drive)
@@ -550,7 +544,7 @@ def test_it_drives_a_node_of_the_stock_library(bench: Workbench, bus: Tapped, st
 
 def test_every_emergency_but_class_zero_is_one(bench: Workbench, bus: Tapped) -> None:
     """Codes 00xx say that there is no error, whatever xx; 1000 and 2300 are errors in spite of their zeros."""
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     for code, fault in ((0x1000, Fault.EMERGENCY), (0x0001, Fault.NONE), (0x2300, Fault.EMERGENCY)):
@@ -559,23 +553,23 @@ def test_every_emergency_but_class_zero_is_one(bench: Workbench, bus: Tapped) ->
 
 
 def test_chatter_does_not_extend_the_time_out(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus, feedback_timeout=0.05)
     enabled(drive)
-    began = time.monotonic()
+    began = bench.time.now()
 
     def chatter(timeout: float) -> bytes:
-        assert time.monotonic() - began < 1.0, "it waits for ever"
-        time.sleep(min(timeout, 0.01))
+        assert bench.time.now() - began < 1.0, "it waits for ever"
+        bench.time.sleep(min(timeout, 0.01))
         return frame(0x123, b"x")
 
     bus.receive = chatter  # type: ignore[method-assign]
     assert drive.sample().fault is Fault.FEEDBACK_LOST
-    assert 0.05 <= time.monotonic() - began < 0.5
+    assert bench.time.now() - began == pytest.approx(0.05)
 
 
 def test_what_was_lost_has_no_current(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus, feedback_timeout=0.02)
     enabled(drive)
     bench.stop()
@@ -583,7 +577,7 @@ def test_what_was_lost_has_no_current(bench: Workbench, bus: Tapped) -> None:
 
 
 def test_the_first_fault_is_the_one_that_is_explained(bench: Workbench, bus: Tapped) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     node.axis.quick_stop()
@@ -596,7 +590,7 @@ def test_the_first_fault_is_the_one_that_is_explained(bench: Workbench, bus: Tap
 def test_an_emergency_of_before_does_not_keep_it_from_running(
     bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     monkeypatch.setattr(workbench, "ENABLE_TIME", 1.0)
     drive = drive_on(bench, bus)
     bus.before.append(frame(0x085, struct.pack("<HB5x", 0x8130, 0x10)))  # and no reset of it follows
@@ -605,7 +599,7 @@ def test_an_emergency_of_before_does_not_keep_it_from_running(
 
 def test_a_quick_stop_goes_on_until_the_drive_obeys(bench: Workbench, bus: Tapped) -> None:
     """Standing is not enough: a drive that still says Operation enabled could move again."""
-    node = bench.running("sync")
+    node = bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     control, deaf = node.axis.control, 200
@@ -624,7 +618,7 @@ def test_a_quick_stop_goes_on_until_the_drive_obeys(bench: Workbench, bus: Tappe
 
 
 def test_a_quick_stop_is_sent_on_to_a_drive_that_is_not_heard(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus, feedback_timeout=0.02)
     enabled(drive)
     bench.stop()
@@ -636,7 +630,7 @@ def test_a_quick_stop_is_sent_on_to_a_drive_that_is_not_heard(bench: Workbench, 
 
 
 def test_it_leaves_quick_stop_active_only_when_the_axis_stands(bench: Workbench, bus: Tapped) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     drive = drive_on(bench, bus)
     node.objects.node.set_data(0x605A, 0, b"\x06\x00")
     node.axis.options = node.objects.options()
@@ -684,21 +678,21 @@ def with_value(node: VirtualNode, index: int, subindex: int, value: int, size: i
 
 @pytest.mark.parametrize("kind", [0x0002_0191, 0x0002_0198, 0x0000_0000])
 def test_another_profile_is_refused(bench: Workbench, bus: Tapped, kind: int) -> None:
-    with_value(bench.running("sync"), 0x1000, 0, kind, 4)
+    with_value(bench.booted("sync"), 0x1000, 0, kind, 4)
     with pytest.raises(DriveError, match="402") as caught:
         drive_on(bench, bus)
     assert (caught.value.node, caught.value.object_key, caught.value.value) == (5, 0x100000, kind)
 
 
 def test_a_drive_without_torque_mode_is_refused(bench: Workbench, bus: Tapped) -> None:
-    with_value(bench.running("sync"), 0x6502, 0, 0x0000_01FF, 4)  # every mode but bit 9
+    with_value(bench.booted("sync"), 0x6502, 0, 0x0000_01FF, 4)  # every mode but bit 9
     with pytest.raises(DriveError, match="0x6502") as caught:
         drive_on(bench, bus)
     assert (caught.value.object_key, caught.value.value) == (0x650200, 0x1FF)
 
 
 def test_a_drive_that_keeps_its_mode_is_refused(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync").objects.getters[0x606000] = lambda: 8
+    bench.booted("sync").objects.getters[0x606000] = lambda: 8
     with pytest.raises(DriveError, match="0x6060") as caught:
         drive_on(bench, bus)
     assert (caught.value.object_key, caught.value.value) == (0x606000, 8)
@@ -709,17 +703,17 @@ def test_a_drive_may_show_its_mode_once_it_is_enabled(
 ) -> None:
     """The set-up says so; from Operation enabled on the mode is watched."""
     monkeypatch.setattr(configuration, "MODE_TIME", 0.05)
-    bench.running("sync").objects.getters[0x606100] = lambda: 8
+    bench.booted("sync").objects.getters[0x606100] = lambda: 8
     assert "0x6061 shows 8" in drive_on(bench, bus).describe()["mode of operation"]
 
 
 def test_the_rated_current_only_matters_where_commands_count_in_it(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync")
+    bench.booted("sync")
     assert drive_on(bench, bus, rated_current=8.0).describe()["rated current (0x6075)"] == "10 A"
 
 
 def test_other_pdos_are_switched_off_and_bits_that_are_the_drives_stay(bench: Workbench, bus: Tapped) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     for n, base in ((1, 0x280), (2, 0x380), (3, 0x480)):
         with_value(node, 0x1800 + n, 1, base + 5, 4)
         with_value(node, 0x1400 + n, 1, base + 0x85, 4)
@@ -740,7 +734,7 @@ def test_a_short_time_out_is_not_rounded_to_none() -> None:
 
 def test_power_is_asked_for_while_the_cycle_goes_on(bench: Workbench, bus: Tapped) -> None:
     """On, stopped, on again, off: one period after the other, nobody waits."""
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus)
     for power, done in (
         (Power.ON, DriveState.OPERATION_ENABLED),
@@ -759,7 +753,7 @@ def test_power_is_asked_for_while_the_cycle_goes_on(bench: Workbench, bus: Tappe
 
 
 def test_after_a_fault_nothing_enables_it_again_by_itself(bench: Workbench, bus: Tapped) -> None:
-    node = bench.running("sync")
+    node = bench.booted("sync")
     drive = drive_on(bench, bus)
     enabled(drive)
     node.trip(0x2310)
@@ -772,11 +766,12 @@ def test_after_a_fault_nothing_enables_it_again_by_itself(bench: Workbench, bus:
 
 
 def test_a_drive_that_boots_in_mid_operation_is_told(bench: Workbench, bus: Tapped) -> None:
-    bench.running("sync", feedback_timeout=0.1)
+    bench.booted("sync", feedback_timeout=0.1)
     drive = drive_on(bench, bus, feedback_timeout=0.1)
     enabled(drive)
-    other = bench.bus()
-    other.send(frame(0, b"\x81\x05"))  # NMT: reset node
+    reset = frame(0, b"\x81\x05")  # NMT: reset node, by another controller: we hear it, too
+    bench.ours.send(reset)
+    bus.before.append(reset)
     faults = []
     for _ in range(5):
         faults.append(drive.sample().fault)
@@ -788,7 +783,7 @@ def test_a_drive_that_boots_in_mid_operation_is_told(bench: Workbench, bus: Tapp
 @pytest.mark.parametrize(("code", "fault"), [(0x8130, Fault.NONE), (0x8250, Fault.NONE), (0x2310, Fault.EMERGENCY)])
 def test_without_power_a_missed_controller_is_no_fault(bench: Workbench, bus: Tapped, code: int, fault: Fault) -> None:
     """Another drive's set-up may keep us away; the drive says that it missed us, and nothing has happened."""
-    bench.running("sync")
+    bench.booted("sync")
     drive = drive_on(bench, bus)
     drive.sample()
     bus.before.append(frame(0x085, struct.pack("<HB5x", code, 0x11)))

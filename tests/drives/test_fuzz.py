@@ -27,7 +27,7 @@ def test_the_controller_takes_ten_thousand_frames(caplog: pytest.LogCaptureFixtu
     assert "no motion" in fuzz_controller(10_000, 5)
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(frames, max_size=30))
 def test_no_sequence_of_frames_gives_power_without_being_asked_to(bench: Workbench, sequence: list[bytes]) -> None:
     script = Script()

@@ -97,6 +97,8 @@ class Workbench:
     def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
         self.channel, self._stack = str(folder), stack
         self.reports: list[str] = []
+        self.time = Timeline()
+        self.ours, self._theirs = Wire(self.time, 1e6).ends
 
     def settings(self, **changes: Any) -> Canopen:
         return canopen_settings(self.channel, **changes)
@@ -118,16 +120,24 @@ class Workbench:
 
     def timed(self, clock: Any = "sync", mark: float = 0.0) -> tuple[VirtualNode, End, Timeline]:
         """A virtual drive that has booted, our end of its bus, and the time that both go by, which nobody waits for."""
-        time = Timeline()
-        ours, theirs = Wire(time, 1e6).ends
-        node = self.node(theirs, clock, time, mark)
-        theirs.wakes = node.turn
+        return self.booted(clock, mark), self.ours, self.time
+
+    def booted(self, clock: Any = "sync", mark: float = 0.0, **changes: Any) -> VirtualNode:
+        """A virtual drive at the other end of `ours`, in virtual time, until `stop`."""
+        node = self.node(self._theirs, clock, self.time, mark, **changes)
+        going, self.stop = [True], lambda: going.clear()
+
+        def turn() -> None:
+            if going:
+                node.turn()
+
+        self._theirs.wakes = turn
         node.boot()
-        time.every(0.001, node.turn)
-        return node, ours, time
+        self.time.every(0.001, turn)
+        return node
 
     def running(self, clock: Any = "sync", **changes: Any) -> VirtualNode:
-        """A virtual drive in a thread, until the end of the test."""
+        """A virtual drive in a thread, until the end of the test; it goes by the machine's clock."""
         node = self.node(clock=clock, **changes)
         self.stop = self._thread(node.run)
         return node

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,22 @@ def _friction(law: str, x: Array) -> Array:
     return np.asarray(out)
 
 
+def late(capture: Capture) -> Capture:
+    """The same record with a current that comes a row late: a delay of minus a sampling time."""
+    return capture._replace(
+        time=capture.time[:-1],
+        position=capture.position[1:],
+        current=capture.current[:-1],
+    )
+
+
+@functools.cache
+def fit_to(law: str, delay: float | None = 0.0, apart: bool = False) -> IdentificationResult:
+    """The member `law` on the record that the law made, or on the same with its rows `apart`; several tests look."""
+    capture = made(law, 3)
+    return fit_member(law, [late(capture) if apart else capture], FILE, delay)
+
+
 RECOVERED = [
     ("coulomb-viscous", {}),
     ("stribeck", {"static_excess": 6.0, "stribeck_velocity": 1.5e-3}),
@@ -95,7 +112,7 @@ RECOVERED = [
 @pytest.mark.parametrize(("law", "more"), RECOVERED, ids=[law for law, _ in RECOVERED])
 def test_each_model_finds_its_own_parameters_again(law: str, more: dict[str, float]) -> None:
     """From 8 s with noise of a hundredth of the friction; the filter, not the law, sets how well."""
-    fit = fit_member(law, [made(law, 3)], FILE)
+    fit = fit_to(law)
     assert fit.parameters["inertia"].value == pytest.approx(95.0, rel=0.01)
     if law != "rheology":  # its creep is viscous, too
         assert fit.parameters["viscous"].value == pytest.approx(200.0, rel=0.05)
@@ -145,7 +162,7 @@ def test_intervals_hold_the_truth() -> None:
 
 @pytest.mark.parametrize("law", ["coulomb-viscous", "stribeck", "dahl", "lugre", "gms"])
 def test_what_was_found_goes_into_a_stage_file_and_comes_back(law: str, tmp_path: Path) -> None:
-    fit = fit_member(law, [made(law, 3)], FILE)
+    fit = fit_to(law)
     written = tmp_path / "stage.yaml"
     write(CONFIG / "emps.yaml", written, fit.changes)
     p = load_stage(written).stage
@@ -159,32 +176,21 @@ def test_what_was_found_goes_into_a_stage_file_and_comes_back(law: str, tmp_path
         assert p.friction.stribeck.velocity == pytest.approx(fit.parameters["stribeck_velocity"].value, rel=1e-6)
 
 
-def late(capture: Capture) -> Capture:
-    """The same record with a current that comes a row late: a delay of minus a sampling time."""
-    return capture._replace(
-        time=capture.time[:-1],
-        position=capture.position[1:],
-        current=capture.current[:-1],
-    )
-
-
 def test_a_delay_that_is_given_is_taken_out() -> None:
     """With it the answer is that of the record whose rows belong together; without, it is off by more than it says."""
-    together, apart = made("dahl", 3), late(made("dahl", 3))
-    right = fit_member("dahl", [together], FILE).parameters
-    shifted = fit_member("dahl", [apart], FILE, -DT)
+    right, shifted = fit_to("dahl").parameters, fit_to("dahl", -DT, apart=True)
     for name in ("inertia", "viscous", "coulomb"):
         half = 0.5 * (right[name].high - right[name].low)
         assert shifted.parameters[name].value == pytest.approx(right[name].value, abs=0.5 * half)
     assert shifted.parameters["delay"][:3] == (-DT, -DT, -DT)
-    wrong = fit_member("dahl", [apart], FILE).parameters
+    wrong = fit_to("dahl", apart=True).parameters
     assert not wrong["inertia"].low < 95.0 < wrong["inertia"].high
 
 
 def test_what_a_delay_would_change_is_what_it_changes() -> None:
     """The change that the note gives for 0.1 ms, against a second fit with that delay."""
     law = "coulomb-viscous"
-    plain, moved = (fit_member(law, [made(law, 3)], FILE, delay) for delay in (0.0, 1e-4))
+    plain, moved = (fit_to(law, delay) for delay in (0.0, 1e-4))
     inertia = [fit.parameters["inertia"].value for fit in (plain, moved)]
     note = next(note for note in plain.notes if isinstance(note, Note) and note.topic is Topic.DELAY)
     noted = float(note.split("inertia by ")[1].split(" %")[0])
@@ -194,7 +200,7 @@ def test_what_a_delay_would_change_is_what_it_changes() -> None:
 @pytest.mark.parametrize("law", list(FAMILY))
 def test_each_member_finds_its_own_delay(law: str) -> None:
     """A current that is a row later has a delay that is a row less, and the same mechanics."""
-    together, apart = (fit_member(law, [capture], FILE, None) for capture in (made(law, 3), late(made(law, 3))))
+    together, apart = fit_to(law, None), fit_to(law, None, apart=True)
     moved = apart.parameters["delay"].value - together.parameters["delay"].value
     assert moved == pytest.approx(-DT, abs=0.2e-3)
     assert apart.parameters["inertia"].value == pytest.approx(together.parameters["inertia"].value, rel=2e-3)
@@ -203,7 +209,7 @@ def test_each_member_finds_its_own_delay(law: str) -> None:
 @pytest.mark.parametrize("law", ["coulomb-viscous", "stribeck", "dahl", "lugre"])
 def test_the_delay_of_the_right_law_is_right(law: str) -> None:
     """Tables and bundles are left out: theirs is not the curve that made the force, and the delay takes up a part."""
-    fit = fit_member(law, [late(made(law, 3))], FILE, None)
+    fit = fit_to(law, None, apart=True)
     delay = fit.parameters["delay"]
     assert delay.low < -DT < delay.high
     assert delay.half < 0.35e-3
@@ -227,7 +233,7 @@ def test_a_parameter_that_is_not_identified_is_noted() -> None:
 
 def test_several_captures_are_one_fit() -> None:
     double = fit_member("dahl", [made("dahl", 3), made("dahl", 4)], FILE)
-    single = fit_member("dahl", [made("dahl", 3)], FILE)
+    single = fit_to("dahl")
     ranges = [fit.parameters["range"].high / fit.parameters["range"].low for fit in (single, double)]
     assert ranges[1] < ranges[0]
     assert double.parameters["coulomb"].value == pytest.approx(COULOMB, rel=0.01)

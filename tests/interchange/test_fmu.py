@@ -66,7 +66,6 @@ def test_every_axis_to_the_last_bit(name: str, tmp_path: Path) -> None:
     setup = load_stage(CONFIG / name)
     exported = to_fmu(setup, tmp_path / "axis.fmu")
     assert exported.worst() == {"axis.fmu": (0.0, 0.0)}
-    assert archive.findings(tmp_path / "axis.fmu") == []
     same(setup, tmp_path / "axis.fmu", commands(setup)["sliding"])
 
 

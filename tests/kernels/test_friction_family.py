@@ -292,7 +292,7 @@ def test_the_creeping_spring_relaxes_with_its_time_constant() -> None:
     assert x.relaxing == pytest.approx(before * math.exp(-500 * DT / 0.05), rel=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-3e-5, 3e-5), min_size=1, max_size=40), st.floats(0.3, 3.0))
 def test_never_beyond_coulomb(moves: list[float], exponent: float) -> None:
     p = DAHL._replace(exponent=exponent)

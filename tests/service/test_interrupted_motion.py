@@ -6,7 +6,6 @@ import functools
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -74,7 +73,7 @@ def test_the_end_of_the_command_stops_the_axis(
 def test_a_stop_in_a_current_experiment_brakes_and_holds(machine: Served, tmp_path: Path) -> None:
     """No feedback acts then: the reference still lies where the experiment began, and the axis is elsewhere."""
     (tmp_path / "current.yaml").write_text("{type: current_sine, amplitude: 3 A, frequency: 1.6 Hz, periods: 100}")
-    before, faults = machine.axis(), machine.faults()
+    before, faults = machine.heard(), machine.faults()
     with started(machine, "follow", str(tmp_path / "current.yaml")) as process:
         machine.until(lambda axis: axis["position"] is not None and abs(axis["position"] - before["position"]) > FAR)
         process.send_signal(signal.SIGINT)
@@ -90,8 +89,7 @@ def going_on(machine: Served) -> bool:
 
 def begun(machine: Served, path: Path) -> subprocess.Popen[str]:
     process = started(machine, "record", "-o", str(path), "--name", f"{path.parent.name}-{path.stem}")
-    assert within(120.0, lambda: going_on(machine))
-    time.sleep(1.0)  # an interrupt in the middle of an import ends a process by the signal, whatever is caught
+    assert within(120.0, lambda: going_on(machine))  # the command may not have heard of it yet
     return process
 
 
