@@ -127,6 +127,16 @@ def test_what_was_recorded_behind_a_brake_is_simulated_bit_for_bit(tmp_path: Pat
     assert np.abs(residual.current).max() < 1e-12
 
 
+def test_what_is_wrong_with_the_controller_of_a_braked_axis_is_found(tmp_path: Path) -> None:
+    """Every law that is tried begins with the current that the axis was held with."""
+    path = behind_a_brake(tmp_path, LOADS[0])
+    session = load(recorded(tmp_path / "own", "type: sine\namplitude: 2 mm\nfrequency: 3.2 Hz\nperiods: 2\n", 1, path))
+    (log,) = session.logs
+    late = log._replace(position=np.concatenate([log.position[:1], log.position[:-1]]))
+    cause = check_command(session._replace(logs=(late,))).cause
+    assert cause is not None and (cause.kind, cause.term, cause.value) == ("shift", "position", -1)
+
+
 def test_the_twin_of_a_braked_axis_begins_as_the_axis_does(tmp_path: Path) -> None:
     """Its law holds the axis, too, and no model of it has to get rid of a load on its friction."""
     setup = load_stage(behind_a_brake(tmp_path, LOADS[0]))
