@@ -112,9 +112,9 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
     lead = command_delay(setup)
-    braked = setup.file.brake.present
-    memory = model_effects.going_on(p, start.position, start.effects, start.clock + lead, braked)
-    if not model_effects.present(p) and memory.held == 0.0:
+    released = setup.file.brake.beyond(setup.stage, start.position)
+    memory = model_effects.going_on(p, start.position, start.effects, start.clock + lead, released)
+    if not model_effects.present(p) and memory.held == 0.0 and not memory.released:
         return model_effects.Answer()
     each = model_effects.steps(p, dt)
     t: Array = dt / each * np.arange(each * len(rows) + 1, dtype=np.float64) + lead

@@ -357,6 +357,7 @@ def test_what_holds_a_memory_of_the_way_runs_as_it_simulates(tmp_path: Path) -> 
 
 
 BRAKE = "brake: {control: drive, release: 30 ms, engage: 50 ms}\n"
+STATED = BRAKE.replace("{", "{holding_current: 2.36 A, ")  # 1.7 N m
 ASYMMETRIC = (
     "  bias: -2 N m\n  viscous_asymmetry: 0.1\n",
     "  asymmetry: 0.03\n  load: 0.03\n",
@@ -374,7 +375,15 @@ WITH_TIME = (
 
 
 @pytest.mark.parametrize(
-    ("added", "brake"), [(ASYMMETRIC, BRAKE), (PULLED, BRAKE), (("  bias: -0.5 N m\n", ""), BRAKE), (WITH_TIME, "")]
+    ("added", "brake"),
+    [
+        (ASYMMETRIC, BRAKE),
+        (PULLED, BRAKE),
+        (("  bias: -0.5 N m\n", ""), BRAKE),
+        (ASYMMETRIC, STATED),
+        (("", ""), STATED.replace("2.36", "0.7")),
+        (WITH_TIME, ""),
+    ],
 )
 def test_a_load_behind_a_brake_and_what_goes_by_the_clock_run_as_they_simulate(
     tmp_path: Path, added: tuple[str, str], brake: str

@@ -50,7 +50,7 @@ class Memory(NamedTuple):
     plain: stage.State
     origin: float  # rad | m, where the axis stood before the first motion
     held: float = 0.0  # A, the current at the end of the last motion, which holds since
-    braked: bool = False  # whether a brake held it before, which was released under its whole load
+    released: float | None = None  # A, beyond its whole load, with which a brake released it there; None: no brake did
 
     def copy(self) -> Memory:
         """One of its own to move on, for the kernels of this process: another may have interpreted its own."""
@@ -99,7 +99,7 @@ def present(p: stage.Stage) -> bool:
 
 def mapped(p: stage.Stage) -> bool:
     """Whether the encoder's readings have errors that depend on the position."""
-    return p.encoder[2:] != plain(p).encoder[2:]
+    return any(wave.amplitude != 0.0 for wave in p.encoder[2:])
 
 
 def put_into(rows: Array, p: stage.Stage, current: Array, place: float, held: float) -> None:
@@ -165,24 +165,25 @@ def _sudden(p: stage.Stage, dt: float) -> bool:
     return gap or p.friction.step.share != 0.0 or p.mechanics.viscous_step.share != 0.0
 
 
-def begun(p: stage.Stage, position: float, clock: float = 0.0, braked: bool = False) -> Memory:
+def begun(p: stage.Stage, position: float, clock: float = 0.0, released: float | None = None) -> Memory:
     """The memory of an axis that stands at `position` (rad | m) at the session `clock` (s), and has not moved yet."""
-    whole, known = (_at_rest(model, position, clock, braked) for model in (p, plain(p)))
-    return Memory(whole, known, position, braked=braked)
+    known = stage.at_rest(plain(p), position, clock)  # without a load, its friction has nothing to carry
+    return Memory(_at_rest(p, position, clock, released), known, position, released=released)
 
 
-def _at_rest(p: stage.Stage, position: float, clock: float, braked: bool) -> stage.State:
-    """The model before its first motion."""
-    return stage.at_rest(p, position, clock, stage.released(p, position) if braked else 0.0)
+def _at_rest(p: stage.Stage, position: float, clock: float, released: float | None) -> stage.State:
+    """The model before its first motion: its friction carries what the brake's release left to it, without one all."""
+    held = 0.0 if released is None else stage.released(p, position) + released
+    return stage.at_rest(p, position, clock, held)
 
 
-def going_on(p: stage.Stage, position: float, left: Memory | None, clock: float, braked: bool) -> Memory:
+def going_on(p: stage.Stage, position: float, left: Memory | None, clock: float, released: float | None) -> Memory:
     """The memory of an axis that stands at `position` (rad | m) at the session `clock` (s).
 
-    It is what the last motion `left`, if that ended there; else that of an axis which a brake held before, or none.
+    It is what the last motion `left`, if that ended there; else that of an axis which a brake `released`, or none.
     """
     if left is None or abs(left.whole.position - position) > p.encoder.step + ROUNDING * (1.0 + abs(position)):
-        return begun(p, position, clock, braked)
+        return begun(p, position, clock, released)
     return left.at(clock)
 
 
@@ -194,10 +195,11 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     """
     each, known = steps(p, dt), plain(p)
     hold = period_currents.hold(p, dt)
-    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin, memory.braked, hold)
+    way = _Way(known, np.ascontiguousarray(motion), (dt / each, each), memory.origin, memory.released is not None, hold)
     begins = memory.copy().plain
-    current, whole = way.demanded(p, memory.whole)
-    without, plain_end = way.demanded(known, memory.plain)
+    time = memory.whole.memory.time
+    current, whole = way.demanded(p, memory.whole, _at_rest(p, memory.origin, time, memory.released))
+    without, plain_end = way.demanded(known, memory.plain, stage.at_rest(known, memory.origin, time))
     current -= without
     limited = _within_shares(p, way, begins, without, current)
     most = EFFECTS_SHARE * p.drive.current_limit
@@ -226,9 +228,8 @@ class _Way(NamedTuple):
             return self
         return self._replace(motion=self.motion[:: each // needed].copy(), steps=(h * each / needed, needed))
 
-    def demanded(self, p: stage.Stage, x: stage.State) -> tuple[Array, stage.State]:
-        """Current (n + 1,) A at rest and in each period, beyond that at rest at the origin; the state at the end."""
-        first = _at_rest(p, self.origin, x.memory.time, self.braked)
+    def demanded(self, p: stage.Stage, x: stage.State, first: stage.State) -> tuple[Array, stage.State]:
+        """Current (n + 1,) A at rest and in each period, beyond that of the `first` state; the state at the end."""
         at_origin, begins = _resting(p, first), _resting(p, x)
         out = np.empty(len(self.motion))
         end = inverse.along(p, x, self.motion, self.steps[0], out)
@@ -254,14 +255,17 @@ def _within_shares(
     most, limited = EFFECT_SHARE * p.drive.current_limit, list[Limited]()
     if float(np.abs(current).max()) <= most:
         return ()
-    for place in places(p):
-        alone = put(way.plain, place, get(p, place))
+    for effect in places(p):
+        alone = put(way.plain, effect, get(p, effect))
         rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
-        rests = _at_rest(alone, begins.position, begins.memory.time, way.braked)
-        own, _ = way.for_model(alone).demanded(alone, rests._replace(**rubbing))
+        first, rests = (
+            _at_rest(alone, place, begins.memory.time, 0.0 if way.braked else None)
+            for place in (way.origin, begins.position)
+        )
+        own, _ = way.for_model(alone).demanded(alone, rests._replace(**rubbing), first)
         own -= without
         current -= own - period_currents.spread(own, most)
-        limited += _limited(place, own, most)
+        limited += _limited(effect, own, most)
     return tuple(limited)
 
 

@@ -46,5 +46,9 @@ class Brake(NamedTuple):
         given = self.holding_current
         return stage.released(p, measured) if given is None else stage.rounded(p.drive, given)
 
+    def beyond(self, p: stage.Stage, measured: float) -> float | None:
+        """What that is beyond the whole load (A): friction carries it, to the other side; None without a brake."""
+        return self.holding(p, measured) - stage.released(p, measured) if self.present else None
+
 
 NO_BRAKE = Brake()

@@ -86,9 +86,11 @@ def released(p: Stage, measured: float) -> float:
 
 
 def as_read(p: Stage, measured: float, time: float, going_on: tuple[float, float], dt: float) -> State:
-    """`at_reading`, but `going_on` at a velocity (rad/s | m/s) under a current (A); at rest where the velocity is 0."""
-    x, (velocity, current) = at_reading(p, measured, time), going_on
-    return equilibrium.in_motion(p, x, velocity, current, dt) if velocity != 0.0 else x
+    """`at_reading` under a current, but `going_on` at a velocity: (rad/s | m/s, A); at rest where the velocity is 0."""
+    velocity, current = going_on
+    if velocity == 0.0:
+        return at_reading(p, measured, time, current)
+    return equilibrium.in_motion(p, at_reading(p, measured, time), velocity, current, dt)
 
 
 def sliding(p: Friction) -> float:

@@ -114,7 +114,7 @@ def _stage(file: StageFile, axis: dict[str, Any]) -> dict[str, Any]:
         "viscous": mechanics.viscous,
         "bias": mechanics.bias,
         "pitch": mechanics.pitch if file.axis.lead or mechanics.pitch != TURN else None,
-        "encoder_periods_per_pitch": wave.order if wave.amplitude else None,
+        "encoder_periods_per_pitch": wave.order if wave.order > 1.0 else None,
         "accuracy": _ACCURACY,
     }
 

@@ -23,6 +23,17 @@ def recomputed(
     return out
 
 
+def carried(
+    p: law.Law, setpoints: NDArray[np.float64], measured: NDArray[np.float64], term: str, recorded: NDArray[np.float64]
+) -> float:
+    """What the law held the axis with (A) before the first row: the `recorded` term there, less that of a law at rest.
+
+    `term` is its name in `law.Output`.
+    """
+    again = recomputed(p, setpoints[:1], measured[:1])[:, law.OUTPUT_COLUMNS[term]]
+    return float(np.sum(recorded[:1] - again))
+
+
 def check_ran(recording: Recording, what: str) -> None:
     """Raise RecordingError where a recording was imported: it holds no `what`."""
     if "law" not in recording.meta:
@@ -46,10 +57,8 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
     recording.filled("replay")
     setpoints = np.stack([recording.column(name) for name in law.Setpoint._fields], axis=1)
     running, measured = read_law(recording.meta["law"]), recording.column("measured")
-    again = recomputed(running, setpoints, measured)
-    number = law.OUTPUT_COLUMNS["integral"]
-    held = recording.column("integral")[:1] - again[:1, number]  # what the axis was held with before
-    return recomputed(running, setpoints, measured, float(held[0])) if np.any(held) else again
+    held = carried(running, setpoints, measured, "integral", recording.column("integral"))
+    return recomputed(running, setpoints, measured, held)
 
 
 def replay(recording: Recording) -> dict[str, Any]:

@@ -21,6 +21,7 @@ import numpy as np
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
 from stagectl.kernels import feedback, law, rollout, stage, tracked_model
+from stagectl.recording.replay import carried
 from stagectl.twin import candidates, thresholds
 from stagectl.twin.candidates import TwinCandidate
 
@@ -91,10 +92,19 @@ def twin_of(running: law.Law, p: stage.Stage, dt: float) -> Twin:
     )
 
 
-def begin(p: Twin, position: float, controller: law.State | None) -> TwinState:
-    """All models at rest where the encoder reads `position` (rad | m), as the drive counts."""
-    states = [tracked_model.State(stage.at_reading(model, position), feedback.AT_REST) for model in p.models]
-    return TwinState(controller, tuple(states), np.full(thresholds.SPEED_PERIODS, position), 0.0, float("nan"), 0, 0.0)
+def begin(p: Twin, position: float, controller: law.State | None, held: float = 0.0) -> TwinState:
+    """All models at rest where the encoder reads `position` (rad | m), as the drive counts, under a current (A)."""
+    plants = [stage.at_reading(model, position, held=held) for model in p.models]
+    states = tuple(tracked_model.State(plant, feedback.AT_REST) for plant in plants)
+    before = np.full(thresholds.SPEED_PERIODS, position)
+    return TwinState(controller, states, before, plants[0].current, float("nan"), 0, 0.0)
+
+
+def _begun(p: Twin, rows: Array) -> TwinState:
+    """At the first row of a run, in which a law acts that has held the axis before."""
+    setpoints, measured = rows[:1, _SETPOINT], rows[:1, _AT["measured"]]
+    held = carried(p.law, setpoints, measured, "integral", rows[:1, _AT["integral"]])
+    return begin(p, float(measured[0]) + p.origin, law.carrying(law.AT_REST, held), held)
 
 
 def step(p: Twin, x: TwinState | None, rows: Array) -> tuple[TwinBlock, TwinState]:
@@ -103,7 +113,7 @@ def step(p: Twin, x: TwinState | None, rows: Array) -> tuple[TwinBlock, TwinStat
     Where periods are missing the models begin anew, and the controller's memory is not known any more.
     """
     if x is None:
-        x = begin(p, float(rows[0, _AT["measured"]]) + p.origin, law.AT_REST)
+        x = _begun(p, rows)
     elif rows[0, 0] - x.time > thresholds.MISSING * p.dt:
         x = begin(p, float(rows[0, _AT["measured"]]) + p.origin, None)
     path = np.ascontiguousarray(rows[:, _PATH])

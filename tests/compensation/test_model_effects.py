@@ -415,3 +415,11 @@ def test_an_encoder_that_is_known_leaves_the_axis_where_it_should_be(name: str, 
         rows = simulate(known, laid_out, known.controller.law, machine)[1400:]
         true.append(float(np.ptp(rows["reference"] - rows["true_position"])))
     assert true[1] < 0.1 * true[0]
+
+
+def test_an_encoder_whose_periods_are_known_and_not_its_error_has_no_map(ball_screw: Setup) -> None:
+    """The periods stand in a data sheet; there is nothing to answer before an error of theirs is known."""
+    p = ball_screw.stage
+    stated = p._replace(encoder=p.encoder._replace(interpolation=Harmonic(0.0, 2048.0, 0.0)))
+    known = p._replace(encoder=p.encoder._replace(interpolation=Harmonic(1e-6, 2048.0, 0.0)))
+    assert not model_effects.present(stated) and not model_effects.mapped(stated) and model_effects.mapped(known)

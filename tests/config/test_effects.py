@@ -215,6 +215,15 @@ def test_nominal_loses_none_of_them(setup: Setup) -> None:
     assert nominal_yaml.effects_of(load_stage(CONFIG / "ball-screw.yaml").file) == {}
 
 
+def test_periods_of_the_encoder_that_are_stated_without_an_error_are_in_nominal(tmp_path: Path) -> None:
+    """A diagnosis looks for the error where they are known."""
+    stated = load_stage(written(tmp_path, {"counts_per_revolution: 1048576": "\n  interpolation: {order: 2048}"}))
+    axis = {"kind": "rotary", "travel_unit": "m", "travel_per_unit": 1.9e-3, "encoder_step": 6e-6}
+    assert nominal_yaml._stage(stated.file, axis)["encoder_periods_per_pitch"] == 2048.0
+    plain = load_stage(CONFIG / "ball-screw.yaml")
+    assert nominal_yaml._stage(plain.file, axis).get("encoder_periods_per_pitch") is None
+
+
 RANGE, CONFLICT = ProblemKind.RANGE, ProblemKind.CONFLICT
 REFUSED: list[tuple[str, str, dict[str, object]]] = [
     (

@@ -10,10 +10,19 @@ import pytest
 
 import stagectl as sc
 from stagectl.config.stage_file import load_stage
+from stagectl.gap.controller_check.command_check import check_command
+from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.log_start import LogStart, initial_velocity, of_log
 from stagectl.gap.residuals import model_tracking
 from stagectl.gap.residuals.model_tracking import MeasuredPath
+from stagectl.gap.validation import rollouts
 from stagectl.kernels import stage, tracked_model
+from stagectl.plan import plan
+from stagectl.simulation import simulate
+from stagectl.trajectories import Sine
+from stagectl.twin.estimate import status_of
+from tests.gap.captured import recorded
+from tests.twin.live import beside, followed
 
 CONFIG = Path(__file__).parents[2] / "config"
 SETUP = load_stage(CONFIG / "ball-screw.yaml")
@@ -83,3 +92,63 @@ def test_what_is_left_of_the_noise_at_rest_is_no_velocity() -> None:
         rows = np.column_stack([np.zeros(400), position, np.zeros(400)])
         path = model_tracking.at_rest(MeasuredPath(rows, 3.0, SETUP.dt), True, [(0, 400)])
         assert path.begins.going_on == (0.0, 0.0) and path.begins.clock == 3.0
+
+
+BRAKE = "brake: {control: drive, release: 30 ms, engage: 50 ms}\n"
+
+
+def behind_a_brake(folder: Path, load: str, brake: str = BRAKE) -> Path:
+    """The stage with a `load` on it, which a brake holds before the motion."""
+    text, line = (CONFIG / "ball-screw.yaml").read_text(encoding="utf-8"), "  viscous: 0.14 N m s/rad\n"
+    assert line in text
+    (folder / "drives").symlink_to(CONFIG / "drives")
+    path = folder / "stage.yaml"
+    path.write_text(text.replace(line, line + load) + brake, encoding="utf-8")
+    return path
+
+
+LOADS = ["  bias: -2 N m\n", "  bias: -0.5 N m\n", "  gravity: {amplitude: 1.5 N m, phase: 90 deg}\n"]
+
+
+@pytest.mark.parametrize("load_of", LOADS)
+def test_what_was_recorded_behind_a_brake_is_simulated_bit_for_bit(tmp_path: Path, load_of: str) -> None:
+    """The brake was released under the load: the friction is unloaded, and the law's integral holds the axis."""
+    path = behind_a_brake(tmp_path, load_of)
+    session = load(recorded(tmp_path / "own", "type: sine\namplitude: 2 mm\nfrequency: 3.2 Hz\nperiods: 2\n", 1, path))
+    (log,) = session.logs
+    rows = rollouts.simulated_log(session, session.stage, log, load_stage(path).file.simulation.substeps)
+    assert log.command is not None and abs(log.carried) > 0.5
+    assert np.array_equal(rollouts.column(rows, "measured"), log.position)
+    assert np.array_equal(rollouts.column(rows, "command"), log.command)
+    assert check_command(session).harmless == frozenset() and check_command(session).worst == 0.0
+    tied = tracked_model.Tied(session.stage, model_tracking.tracker(session.stage, session.dt))
+    residual = model_tracking.tracking_residual(tied, model_tracking.path_of(log, session.dt))
+    assert np.abs(residual.effort).max() < 0.03 * stage.sliding(session.stage.friction)
+    assert np.abs(residual.current).max() < 1e-12
+
+
+def test_what_is_wrong_with_the_controller_of_a_braked_axis_is_found(tmp_path: Path) -> None:
+    """Every law that is tried begins with the current that the axis was held with."""
+    path = behind_a_brake(tmp_path, LOADS[0])
+    session = load(recorded(tmp_path / "own", "type: sine\namplitude: 2 mm\nfrequency: 3.2 Hz\nperiods: 2\n", 1, path))
+    (log,) = session.logs
+    late = log._replace(position=np.concatenate([log.position[:1], log.position[:-1]]))
+    cause = check_command(session._replace(logs=(late,))).cause
+    assert cause is not None and (cause.kind, cause.term, cause.value) == ("shift", "position", -1)
+
+
+def test_the_twin_of_a_braked_axis_begins_as_the_axis_does(tmp_path: Path) -> None:
+    """Its law holds the axis, too, and no model of it has to get rid of a load on its friction."""
+    setup = load_stage(behind_a_brake(tmp_path, LOADS[0]))
+    motion = plan(setup, Sine(0.005, 1.6, 5.0, 1.0), setup.controller.feedforward)
+    samples = simulate(setup, motion, setup.controller.law)
+    twin = beside(setup)
+    blocks = followed(twin, samples.view(np.float64).reshape(len(samples), -1))
+    assert {block.controller for block in blocks} == {0.0}
+    assert all(block.drive is not None and block.drive.power < 1e-20 for block in blocks)
+    assert not status_of(twin, blocks).named
+
+
+def test_a_recording_whose_axis_was_not_held_begins_without_a_current(tmp_path: Path) -> None:
+    (log,) = load(recorded(tmp_path, "type: sine\namplitude: 2 mm\nfrequency: 3.2 Hz\nperiods: 2\n", 1)).logs
+    assert log.carried == 0.0

@@ -188,10 +188,10 @@ def test_what_the_motion_does_not_tell_keeps_the_priors_width(ball_screw: Setup)
 
 
 def test_a_run_that_begins_elsewhere_is_followed_where_the_drive_counts(ball_screw: Setup) -> None:
-    """The same blocks as from rows with the origin in them; the law sees the rows themselves."""
+    """The same blocks as from rows with the origin in all of their positions; the law sees the rows themselves."""
     rows = rows_of(ball_screw)[:1000]
     moved = rows.copy()
-    moved[:, rollout.COLUMNS.index("measured")] += 0.3
+    moved[:, [rollout.COLUMNS.index(name) for name in ("reference", "target", "measured")]] += 0.3
     p = beside(ball_screw)
     ours, expected = followed(p._replace(origin=0.3), rows), followed(p, moved)
     for block, other in zip(ours, expected, strict=True):

@@ -180,8 +180,8 @@ def _shifts(comparison: Comparison) -> Iterator[Cause]:
     for n in (n for n in range(-thresholds.LARGEST_SHIFT, thresholds.LARGEST_SHIFT + 1) if n):
         rows = f"{abs(n)} {'row' if abs(n) == 1 else 'rows'} {'later' if n > 0 else 'earlier'}"
         for column, acts, again in (
-            ("reference", "the reference acts", _command(p, _shifted(setpoints, n), position)),
-            ("position", "the position is seen", _command(p, setpoints, _shifted(position, n))),
+            ("reference", "the reference acts", _command(comparison, p, _shifted(setpoints, n), position)),
+            ("position", "the position is seen", _command(comparison, p, setpoints, _shifted(position, n))),
             ("command", "the command is logged", _shifted(own, n)),
             ("feedforward", "feedforward and friction compensation act", own + _shifted(ahead, n) - ahead),
         ):
@@ -189,9 +189,9 @@ def _shifts(comparison: Comparison) -> Iterator[Cause]:
             yield Cause("shift", column, n, _left(comparison, again, inside), words)
 
 
-def _command(p: law.Law, setpoints: Array, position: Array) -> Array:
-    """(n,) A, before any limit."""
-    return recomputed(p, setpoints, position)[:, law.OUTPUT_COLUMNS["command"]]
+def _command(comparison: Comparison, p: law.Law, setpoints: Array, position: Array) -> Array:
+    """(n,) A, before any limit, of another law or other signals that begin as the log does."""
+    return recomputed(p, setpoints, position, comparison.log.carried)[:, law.OUTPUT_COLUMNS["command"]]
 
 
 def _shifted(values: Array, n: int) -> Array:
@@ -209,7 +209,8 @@ def _poles(comparison: Comparison, dt: float) -> Iterator[Cause]:
     for factor in thresholds.POLE_FACTORS:
         a = factor * pole
         other = p.feedback._replace(derivative=2.0 * gain * a / (2.0 + a * dt), decay=(2.0 - a * dt) / (2.0 + a * dt))
-        left = _left(comparison, _command(p._replace(feedback=other), comparison.setpoints, comparison.log.position))
+        again = _command(comparison, p._replace(feedback=other), comparison.setpoints, comparison.log.position)
+        left = _left(comparison, again)
         words = f"the pole of the derivative's filter seems to be {factor:.2g} of the nominal one"
         yield Cause("pole", "derivative", factor, left, words)
 

@@ -66,7 +66,7 @@ def compared(session: Session, allowed: float) -> list[Comparison]:
 
 def _compared(p: law.Law, log: Log, dt: float, allowed: float) -> Comparison:
     assert log.setpoints is not None and log.command is not None
-    terms = recomputed(p, log.setpoints, log.position)
+    terms = recomputed(p, log.setpoints, log.position, log.carried)
     difference, gaps = _after_gaps(log.command - terms[:, law.OUTPUT_COLUMNS["command"]], log, dt)
     harmless = [gaps]
     for without in (_beginning, _corners):

@@ -28,6 +28,7 @@ from stagectl.kernels.stage import NO_COMMANDS, Drive, Stage
 from stagectl.number_format import duration
 from stagectl.parallel import in_parallel
 from stagectl.recording.columns import WITHOUT
+from stagectl.recording.replay import carried
 
 NOTHING_SAID = Description()
 MOST_ROWS_LATE = len(NO_COMMANDS) - 1  # that the model's delay lines hold
@@ -205,7 +206,15 @@ def _finished(
         exact=grid.exact,
         held=held,
     )
-    return finished, [*grid.notes, *notes]
+    return finished._replace(carried=_carried(repeat, finished, machine)), [*grid.notes, *notes]
+
+
+def _carried(repeat: Repeat, log: Log, machine: NominalSetup) -> float:
+    """The current (A) under which the axis stands as one of our recordings begins; 0 where it is not known."""
+    ours = repeat.log.setpoints is not None and log.exact and bool(log.valid[0])
+    if not ours or machine.law is None or log.setpoints is None or log.command is None:
+        return 0.0
+    return carried(machine.law, log.setpoints, log.position, "command", log.command)
 
 
 def _setpoints(repeat: Repeat, machine: NominalSetup, dt: float) -> Array | None:

@@ -30,17 +30,20 @@ class LogStart(NamedTuple):
 
     position: float  # rad | m, as it is read
     clock: float  # s, of the session
-    going_on: tuple[float, float] = (0.0, 0.0)  # velocity (rad/s | m/s) and current (A); zeros: the axis is at rest
+    going_on: tuple[float, float] = (0.0, 0.0)  # velocity (rad/s | m/s; 0: at rest) and the current (A) that acts
 
     def plant(self, p: stage.Stage, dt: float) -> stage.State:
         """The model `p`, as it begins the log."""
         return stage.as_read(p, self.position, self.clock, self.going_on, dt)
 
 
-def of_log(position: Array, current: Array, clock: float, dt: float) -> LogStart:
-    """The start of a log of `position` (n,) rad | m and `current` (n,) A, at the session `clock` (s)."""
+def of_log(position: Array, current: Array, clock: float, dt: float, carried: float = 0.0) -> LogStart:
+    """The start of a log of `position` (n,) rad | m and `current` (n,) A, at the session `clock` (s).
+
+    An axis at rest stands under the current `carried` (A); one that moves has had that of the first row.
+    """
     velocity = initial_velocity(position, dt)
-    return LogStart(float(position[0]), clock, (velocity, float(current[0])) if velocity else (0.0, 0.0))
+    return LogStart(float(position[0]), clock, (velocity, float(current[0]) if velocity else carried))
 
 
 def initial_velocity(position: Array, dt: float) -> float:

@@ -58,6 +58,7 @@ class Log(NamedTuple):
     setpoints: Array | None = None  # (n, 8) of kernels.law.Setpoint; None: controller or reference not known
     exact: bool = True  # rows are the control periods themselves; else resampled onto them
     held: bool = True  # a command holds until the next row; else the loop is faster than the log
+    carried: float = 0.0  # A, under which the axis stands before the first row: a brake was released with it
 
     @property
     def rows(self) -> int:

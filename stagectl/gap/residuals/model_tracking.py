@@ -25,6 +25,7 @@ class MeasuredPath(NamedTuple):
     dt: float  # s
     sensed: Array | float = 0.0  # (n,) A, what of the current is noise of its sensor, as far as is known
     still: bool = False  # whether the axis is known to stand at the first row
+    carried: float = 0.0  # A, under which it stands before the first row
 
     def __hash__(self) -> int:
         return id(self)
@@ -36,8 +37,8 @@ class MeasuredPath(NamedTuple):
     def begins(self) -> LogStart:
         """How the log begins; what is left of the noise of a standing axis is no velocity."""
         if self.still:
-            return LogStart(float(self.rows[0, 1]), self.start)
-        return of_log(self.rows[:, 1], self.rows[:, 0], self.start, self.dt)
+            return LogStart(float(self.rows[0, 1]), self.start, (0.0, self.carried))
+        return of_log(self.rows[:, 1], self.rows[:, 0], self.start, self.dt, self.carried)
 
 
 class _Inputs(NamedTuple):
@@ -60,7 +61,7 @@ class ModelResidual(NamedTuple):
 def path_of(log: Log, dt: float) -> MeasuredPath:
     """The path of one log; where the command is not known, the measured current takes its place."""
     current = log.current if log.commanded and log.current is not None else np.full(log.rows, np.nan)
-    return MeasuredPath(np.column_stack([log.driving, log.position, current]), log.start, dt)
+    return MeasuredPath(np.column_stack([log.driving, log.position, current]), log.start, dt, carried=log.carried)
 
 
 def at_rest(path: MeasuredPath, commanded: bool, still: Spans) -> MeasuredPath:

@@ -49,7 +49,7 @@ def of_log(session: Session, log: Log) -> Rollout:
 
 def start_of(session: Session, log: Log) -> LogStart:
     """How `log` begins."""
-    return log_start.of_log(log.position, log.driving, log.start, session.dt)
+    return log_start.of_log(log.position, log.driving, log.start, session.dt, log.carried)
 
 
 def simulated_log(session: Session, model: stage.Stage, log: Log, substeps: int = SUBSTEPS) -> Array:
@@ -65,7 +65,7 @@ def simulated_logs(session: Session, model: stage.Stage, logs: Sequence[Log]) ->
     aging = _aging(model)
     starts = [start_of(session, log) for log in logs]
     keys = [
-        (log.experiment, start.clock if aging else 0.0, round(start.position, 12), start.going_on)
+        (log.experiment, start.clock if aging else 0.0, *(round(x, 12) for x in (start.position, *start.going_on)))
         for log, start in zip(logs, starts, strict=True)
     ]
     first = {key: log for key, log in reversed(list(zip(keys, logs, strict=True)))}

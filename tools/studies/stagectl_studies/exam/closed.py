@@ -133,9 +133,10 @@ def sealed(planned: Planned, short: bool) -> tuple[Trial, Machine]:
 
 
 def stage_text(model: Model) -> str:
-    """The stage file of the ball screw, with what the user believes of this machine."""
+    """The stage file of the ball screw, with what the user believes of this machine, and its encoder's data sheet."""
     friction = {"law": "stop-operators", "weight": model.weight.tolist(), "slip": model.slip.tolist()}
     changes = {"mechanics.inertia": model.inertia, "mechanics.viscous": model.viscous, "friction": friction}
+    changes["encoder.interpolation.order"] = Encoder().periods  # as `nominal.yaml` has it in the other strata
     return DesignedStage(load_stage(CONFIG / "ball-screw.yaml")).changed(changes).text
 
 
