@@ -4,8 +4,7 @@ python tools/bench/closing.py commission --seeds 103-106
 python tools/bench/closing.py noisy-record --effects stribeck,cogging
 
 The second gives the model of `gap diagnose` to the controller, and counts its peak error on a machine without noise:
-what is left is the model's error, and not the noise's.  It counts where `gap close` judges, behind the first reversal:
-before it the friction's state is what no model can know.
+what is left is the model's error, and not the noise's.
 """
 
 import argparse
@@ -27,7 +26,7 @@ from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.effects.effect import Definition
 from stagectl.gap.effects.library import answered, definitions
 from stagectl.gap.experiment_design.battery import battery, held_out
-from stagectl.gap.experiment_design.unseen import judged, unseen
+from stagectl.gap.experiment_design.unseen import unseen
 from stagectl.number_format import length
 from stagectl.plan import plan
 from stagectl.simulation import simulate
@@ -135,9 +134,8 @@ def peaks(known: Setup, machine: Setup) -> Iterator[float]:
     """Largest error (m | rad) of the controller of one model on another, on each unseen motion."""
     for motion in unseen(machine):
         rows = plan(known, motion.trajectory, known.controller.feedforward)
-        ran, (begin, end) = simulate(known, rows, known.controller.law, machine), judged(motion)
-        inside = (ran["time"] >= begin) & (ran["time"] < end)
-        yield float(np.abs(ran["error"][inside]).max()) * known.file.axis.travel_per_unit
+        error = simulate(known, rows, known.controller.law, machine)["error"]
+        yield float(np.abs(error).max()) * known.file.axis.travel_per_unit
 
 
 def main() -> None:
