@@ -159,16 +159,16 @@ def replaced(drive: Drive, commands: Line, dt: float) -> tuple[float, float]:
 
 
 @kernel
-def reported(drive: Drive, ends: tuple[float, float], switch: tuple[float, float], dt: float) -> float:
+def reported(drive: Drive, ends: tuple[float, float], asked: tuple[float, float], dt: float) -> float:
     """Current (A) that the drive reports; `ends` are the currents at the begin and the end of the last period `dt` (s).
 
-    In between it went on towards what was asked of it before, and from the `switch` = (A before, s) on towards the next
-    command, with the current loop's lag; straight where the drive has none.
+    In between it went on towards what was `asked` of it = (A, until when in s), from then on towards the next command,
+    with the current loop's lag; straight where the drive has none.
     """
     p, lag = drive.telemetry, drive.current_lag
     before, current = ends
     if p.late > 0.0:
-        old, at = switch
+        old, at = asked
         left = min(p.late, dt)
         time = dt - left
         passed = min(time, at)
