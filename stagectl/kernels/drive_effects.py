@@ -152,14 +152,32 @@ def limited(p: Drive, command: float, limit: float, velocity: float) -> float:
 
 
 @kernel
-def reported(drive: Drive, current: float, before: float, dt: float) -> float:
-    """Current (A) that the drive reports; `before` is that of a period `dt` ago.
+def replaced(drive: Drive, commands: Line, dt: float) -> tuple[float, float]:
+    """Command (A) that another one replaced in the last period of `dt` (s), and when in it, in s."""
+    whole = int(drive.dead_time / dt)
+    return commands[min(drive.delay_samples + whole + 1, 7)], drive.dead_time - whole * dt
 
-    Between the two it approached its command with the current loop's lag; straight where the drive has none.
+
+@kernel
+def reported(drive: Drive, ends: tuple[float, float], asked: tuple[float, float], dt: float) -> float:
+    """Current (A) that the drive reports; `ends` are the currents at the begin and the end of the last period `dt` (s).
+
+    In between it went on towards what was `asked` of it = (A, until when in s), from then on towards the next command,
+    with the current loop's lag; straight where the drive has none.
     """
-    p = drive.telemetry
+    p, lag = drive.telemetry, drive.current_lag
+    before, current = ends
     if p.late > 0.0:
-        current += _still_to_come(min(p.late / dt, 1.0), drive.current_lag / dt) * (before - current)
+        old, at = asked
+        left = min(p.late, dt)
+        time = dt - left
+        passed = min(time, at)
+        if passed > 0.0:
+            before = old + (before - old) * math.exp(-passed / lag) if lag > 0.0 else old
+        if time >= at:
+            current += _still_to_come(left / (dt - at), lag / (dt - at)) * (before - current)
+        else:
+            current = before
     if p.gain == 0.0 and p.offset == 0.0:
         return current
     return current * (1.0 + p.gain) + p.offset

@@ -262,7 +262,12 @@ def period_of(p: Stage, x: State, command: float, noise: Noise, c: Steps) -> Sta
 @kernel
 def reported(p: Drive, x: State, dt: float) -> float:
     """Motor current as the drive reports it (A), in control periods of `dt` (s)."""
-    return drive_effects.reported(p, x.current, x.memory.before, dt)
+    ends = (x.memory.before, x.current)
+    if p.telemetry.late == 0.0 or p.dead_time == 0.0:
+        return drive_effects.reported(p, ends, (0.0, 0.0), dt)
+    command, at = drive_effects.replaced(p, x.commands, dt)
+    old = drive_effects.limited(p, command, drive_effects.folded(p, x.memory.heat), x.velocity)
+    return drive_effects.reported(p, ends, (old, at), dt)
 
 
 @kernel

@@ -10,10 +10,20 @@ import numpy as np
 import pytest
 
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.residuals import sensitivities
+from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, starting_places, waves
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
+
+
+def _late(name: str, by: float = 0.0) -> Any:
+    effect = SimpleNamespace(name=name, amplitudes=[SimpleNamespace(name="time")])
+    return SimpleNamespace(effect=effect, values={"time": by})
+
+
+def _library(*names: str) -> linearised.Library:
+    forms = [SimpleNamespace(effect=_late(name).effect, values=lambda x: {"time": x[0]}) for name in names]
+    return linearised.Library(cast("Any", tuple(forms)), cast("Any", None), (0.0, 0.0))
 
 
 @pytest.mark.parametrize(("name", "fitted"), [("compliance", True), ("cable_spring", False)])
@@ -45,11 +55,10 @@ def test_what_makes_a_drive_late_is_decided_again_when_more_is_known(
 ) -> None:
     """A lag that stood for a dead time while friction was missing leaves more than that once the friction is there."""
     left = {"current_loop": 300.0, "dead_time": 200.0}
-    effects = {name: SimpleNamespace(effect=SimpleNamespace(name=name)) for name in (*left, "lead_friction")}
-    forms = [SimpleNamespace(effect=effects[name].effect, values=lambda _: {}, typical=()) for name in left]
+    effects = {name: _late(name) for name in (*left, "lead_friction")}
     model = SimpleNamespace(shift=0.0, _replace=lambda **_: None)
 
-    def fitted(_: Any, __: Any, kept: Any) -> Any:
+    def fitted(_: Any, __: Any, kept: Any, **___: Any) -> Any:
         return SimpleNamespace(model=model, effects=kept, residual_sum_of_squares=left[kept[-1].effect.name])
 
     monkeypatch.setattr(refine, "refine", fitted)
@@ -57,7 +66,7 @@ def test_what_makes_a_drive_late_is_decided_again_when_more_is_known(
     now = SimpleNamespace(
         model=model, effects=(effects[present], effects["lead_friction"]), residual_sum_of_squares=left[present]
     )
-    library = linearised.Library(cast("Any", tuple(forms)), cast("Any", None), (0.0, 0.0))
+    library = _library(*left)
     after = drive_alikes.on_time(cast("Any", None), library, cast("Any", now))
     assert {valued.effect.name for valued in after.effects} == {expected, "lead_friction"}
 
@@ -131,7 +140,7 @@ def test_the_place_where_a_fit_begins_is_looked_for_where_most_is_missing(monkey
     base._replace = lambda **parts: SimpleNamespace(**{**vars(base), **parts})
     tried: list[tuple[int, int]] = []
 
-    def refined(e: Any, _: Any, effects: Any, __: int) -> Any:
+    def refined(e: Any, _: Any, effects: Any, *__: float) -> Any:
         place = effects[-1].values["place"]
         tried.append((len(e.runs), place))
         on_all = {1: 5.0, 2: 4.0, 3: 6.0, 4: 7.0}
@@ -182,19 +191,32 @@ def test_a_fit_ends_where_no_further_step_brings_it_to_its_rival(
 
 
 def test_a_late_drive_that_the_model_has_is_not_fitted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    names = ("current_loop", "dead_time")
-    effects = {name: SimpleNamespace(effect=SimpleNamespace(name=name), values={}) for name in names}
-    forms = tuple(SimpleNamespace(effect=effects[name].effect, values=lambda _: {}, typical=()) for name in names)
-    library = linearised.Library(cast("Any", forms), cast("Any", None), (0.0, 0.0))
-    tried: list[str] = []
+    """The other one begins where it answers as late as that one and the time shift together."""
+    tried: list[tuple[str, float]] = []
 
-    def fitted(_: Any, __: Any, kept: Any) -> Any:
-        tried.append(kept[-1].effect.name)
+    def fitted(_: Any, __: Any, kept: Any, **___: Any) -> Any:
+        tried.append((kept[-1].effect.name, kept[-1].values["time"]))
         return SimpleNamespace(model=None, effects=kept, residual_sum_of_squares=300.0)
 
     monkeypatch.setattr(refine, "refine", fitted)
     monkeypatch.setattr(refine, "first_step", fitted)
-    model = SimpleNamespace(shift=0.0, _replace=lambda **_: None)
-    now = SimpleNamespace(model=model, effects=(effects["dead_time"],), residual_sum_of_squares=200.0)
+    model = SimpleNamespace(shift=1e-4, _replace=lambda **_: None)
+    now = SimpleNamespace(model=model, effects=(_late("dead_time", 3e-4),), residual_sum_of_squares=200.0)
+    library = _library("current_loop", "dead_time")
     assert drive_alikes.on_time(cast("Any", None), library, cast("Any", now)) is now
-    assert set(tried) == {"current_loop"}
+    assert {name for name, _ in tried} == {"current_loop"}
+    assert tried[0][1] == pytest.approx(4e-4)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "stands"), [(300.0, 180.0, True), (300.0, 190.0, False), (90.0, 80.0, False)]
+)
+def test_a_later_drive_explains_most_of_what_is_above_the_noise(
+    before: float, after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The noise is 100; where no more than that is left, there is nothing to explain."""
+    monkeypatch.setattr(gram_matrices, "noise", lambda *_: np.array([60.0, 40.0]))
+    library, fits = _library(), [SimpleNamespace(residual_sum_of_squares=x, residuals=None) for x in (before, after)]
+    assert material.stands(library, *cast("Any", fits)) is stands
+    if stands:
+        assert after <= material.most_that_stands(library, cast("Any", fits[0]))

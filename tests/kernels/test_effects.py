@@ -276,6 +276,22 @@ def test_a_late_report_is_the_current_that_flowed_then(late: float) -> None:
     assert stage.reported(p.drive, x, DT) == pytest.approx(3.0 - 2.0 * math.exp(-(1.0 - late) * DT / lag), rel=1e-6)
 
 
+@pytest.mark.parametrize("late", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("dead", [0.3, 0.7, 1.6])
+def test_a_late_report_of_a_drive_with_a_dead_time_is_the_current_that_flowed_then(dead: float, late: float) -> None:
+    """``lag di/dt = u(t - dead) - i`` by small steps, commands that change every period; times in periods."""
+    lag, fine, commands = 0.4, 20_000, (1.0, 3.0, -2.0, 4.0, 0.5)
+    p = drive(plant(), current_lag=lag * DT, dead_time=dead * DT, telemetry=Reported(late=late * DT))
+    x, current, flowed = run(p, 1.0, 0.1), 1.0, []
+    for step in range(len(commands) * fine):
+        number = math.floor(step / fine - dead)
+        current += ((commands[number] if number >= 0 else 1.0) - current) / (lag * fine)
+        flowed.append(current)
+    for k, command in enumerate(commands):
+        x = stage.period(p, x, command, stage.SILENT, DT, 100)
+        assert stage.reported(p.drive, x, DT) == pytest.approx(flowed[round((k + 1 - late) * fine) - 1], abs=2e-3)
+
+
 # --- friction ---
 
 

@@ -8,11 +8,12 @@ Where the base has gone after one of them, no column around it shows the other.
 
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
+from typing import NamedTuple
 
 from stagectl.gap.selection import constants, refine
 from stagectl.gap.selection.candidates import EffectValues, Form
 from stagectl.gap.selection.linearised import Library
-from stagectl.gap.selection.material import stands
+from stagectl.gap.selection.material import most_that_stands, stands
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.thresholds import AS_CLOSE
 
@@ -26,7 +27,9 @@ def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
     if not late and abs(now.model.shift) <= constants.LEAST_SHIFT * e.base.prior.dt:
         return now
     others = without_effects(library, {valued.effect.name for valued in late})  # those that it has are refined
-    tried = _later(e, others, now, [valued for valued in now.effects if valued not in late])
+    rest = _Beside([valued for valued in now.effects if valued not in late], now.model.shift + sum(map(_delay, late)))
+    rival = now.residual_sum_of_squares if late else most_that_stands(library, now)
+    tried = _later(e, others, now, rest, rival)
     best = min([now, *tried], key=lambda fitted: fitted.residual_sum_of_squares)
     return best if late or stands(library, now, best) else now
 
@@ -71,9 +74,9 @@ def without_unlike(e: Evidence, library: Library, now: Fitted, valued: EffectVal
     rest = [other for other in now.effects if other is not valued]
     shifted = refine.refine(e, now.model, rest)
     others = without_effects(library, {valued.effect.name})
-    alike = {
-        fitted.effects[-1].effect.name for fitted in _later(e, others, now, rest) if stands(library, shifted, fitted)
-    }
+    beside = _Beside(rest, now.model.shift + _delay(valued))
+    later = _later(e, others, now, beside, most_that_stands(library, shifted))
+    alike = {fitted.effects[-1].effect.name for fitted in later if stands(library, shifted, fitted)}
     return without_effects(library, {*constants.TIMING} - alike - {valued.effect.name})
 
 
@@ -82,14 +85,26 @@ def without_effects(library: Library, names: AbstractSet[str]) -> Library:
     return library._replace(forms=tuple(form for form in library.forms if form.effect.name not in names))
 
 
-def _later(e: Evidence, library: Library, now: Fitted, others: Sequence[EffectValues]) -> list[Fitted]:
-    """Every later drive beside `others`, refined from a log without time shift.
+class _Beside(NamedTuple):
+    """What a later drive stands beside, and by how much it is later."""
+
+    effects: Sequence[EffectValues]
+    by: float  # s
+
+
+def _delay(valued: EffectValues) -> float:
+    """By how much (s) an effect makes the drive answer later than its model: its only amplitude."""
+    return valued.values[valued.effect.amplitudes[0].name]
+
+
+def _later(e: Evidence, library: Library, now: Fitted, beside: _Beside, rival: float) -> list[Fitted]:
+    """Every later drive, refined from a log without time shift as far as the sum of squares `rival` is in reach.
 
     Of places on one effect's grid only that from which one step explains most: all of them lead to the same values.
     """
     begin, best = now.model._replace(shift=0.0), dict[str, Fitted]()
     for form in (form for form in library.forms if form.effect.name in constants.TIMING):
-        name, valued = form.effect.name, EffectValues(form.effect, form.values(form.typical))
-        after = refine.first_step(e, begin, [*others, valued])
+        name, valued = form.effect.name, EffectValues(form.effect, form.values([beside.by]))
+        after = refine.first_step(e, begin, [*beside.effects, valued])
         best[name] = min(best.get(name, after), after, key=lambda fitted: fitted.residual_sum_of_squares)
-    return [refine.refine(e, fitted.model, fitted.effects) for fitted in best.values()]
+    return [refine.refine(e, fitted.model, fitted.effects, rival=rival) for fitted in best.values()]

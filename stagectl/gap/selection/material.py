@@ -37,7 +37,17 @@ def stands(library: Library, before: Fitted, after: Fitted) -> bool:
     """
     least = float(gram_matrices.noise(library.products, after.residuals).sum())
     left, remains = (fitted.residual_sum_of_squares - least for fitted in (before, after))
-    return adequate(left, remains, left)
+    return left > 0.0 and adequate(left, remains, left)
+
+
+def most_that_stands(library: Library, before: Fitted) -> float:
+    """The sum of squares that no model exceeds which `stands` against `before`.
+
+    The noise of `before` counts: with a drive that answers in time, it falls.
+    """
+    least = float(gram_matrices.noise(library.products, before.residuals).sum())
+    left = before.residual_sum_of_squares
+    return left - constants.ADEQUATE * max(left - least, 0.0)
 
 
 def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:

@@ -38,14 +38,29 @@ def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectVa
         places.setdefault(form.effect.name, []).append(EffectValues(form.effect, form.values(form.typical)))
     missing = [sum_of_squares([run], [left]) for run, left in zip(e.runs, now.residuals, strict=True)]
     part = _part(e, telling(np.array(missing), np.array([run.rows for run in e.runs])))
-    found = [_best(e, part, now, tried) for tried in places.values()]
+    found: list[Fitted] = []
+    for tried in _promising(e, part, now, list(places.values())):
+        found.append(_best(e, now, tried, min(map(_left, found), default=math.inf)))
     return [fitted.effects[-1] for fitted in sorted(found, key=_left) if math.isfinite(_left(fitted))]
 
 
-def _best(e: Evidence, part: Evidence, now: Fitted, places: Sequence[EffectValues]) -> Fitted:
-    if len(part.runs) < len(e.runs):
-        places = sorted(places, key=lambda place: _left(_after_few_steps(part, now, place)))[:PROMISING_PLACES]
-    return min((_after_few_steps(e, now, place) for place in places), key=_left)
+def _promising(
+    e: Evidence, part: Evidence, now: Fitted, places: Sequence[Sequence[EffectValues]]
+) -> Sequence[Sequence[EffectValues]]:
+    """Of each effect's places those that explain most of `part`, the best effect first; all where `part` is all."""
+    if len(part.runs) == len(e.runs):
+        return places
+    ranked = [sorted((_left(_after_few_steps(part, now, place)), k) for k, place in enumerate(of)) for of in places]
+    best_first = sorted(zip(ranked, places, strict=True), key=lambda pair: pair[0][0])
+    return [[of[k] for _, k in order[:PROMISING_PLACES]] for order, of in best_first]
+
+
+def _best(e: Evidence, now: Fitted, places: Sequence[EffectValues], rival: float) -> Fitted:
+    """The fit from the best of one effect's `places`; it ends where the sum of squares `rival` is out of reach."""
+    fits: list[Fitted] = []
+    for place in places:
+        fits.append(_after_few_steps(e, now, place, min([rival, *map(_left, fits)])))
+    return min(fits, key=_left)
 
 
 def _left(fitted: Fitted) -> float:
@@ -54,10 +69,10 @@ def _left(fitted: Fitted) -> float:
     return left if math.isfinite(left) else math.inf
 
 
-def _after_few_steps(e: Evidence, now: Fitted, place: EffectValues) -> Fitted:
+def _after_few_steps(e: Evidence, now: Fitted, place: EffectValues, rival: float = math.inf) -> Fitted:
     effects = [*now.effects, place]
     if place.effect.resonant:
-        return refine.refine(e, now.model, effects, RESONANT_STEPS)
+        return refine.refine(e, now.model, effects, RESONANT_STEPS, rival)
     return refine.first_step(e, now.model, effects)
 
 
