@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ import pytest
 import stagectl as sc
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.load_session import load
-from stagectl.gap.result.diagnosis import DiagnosisResult
+from stagectl.gap.residuals.pitch_orders import Lines
+from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect
+from stagectl.gap.selection import refine, waves
 from tests.conftest import CONFIG
 from tests.gap.drawn import diagnosed
 
@@ -24,35 +28,95 @@ FRICTION = """\
   longest: 30 um
 """
 OTHER = "  law: dahl\n  coulomb: 27 N\n  range: 50 um\n  exponent: 1\n"
-STROKES = "\n".join(
-    f"  - {{type: trapezoid, distance: 200 mm, velocity: {speed} mm/s, acceleration: 0.8 m/s^2}}"  # to and fro
-    for speed in (45, 85, 125)
-)
+SPEEDS = (45, 85, 125)  # mm/s
 
 
-def _answer(folder: Path, ripple: float) -> DiagnosisResult:
-    """What is said of a machine with another friction and a `ripple` (N), by the model of `config/emps.yaml`."""
+def _wave(name: str, amplitude: float, period: float) -> str:
+    return f"\n  {name}: {{amplitude: {amplitude} N, order: {2.0 * math.pi / period}, phase: 20 deg}}"
+
+
+def _answer(folder: Path, ripple: str) -> DiagnosisResult:
+    """What is said of a machine with another friction and a `ripple`, by the model of `config/emps.yaml`."""
     text = (CONFIG / "emps.yaml").read_text()
-    motor = f"force_constant: 35.1507 N/A\n  cogging: {{amplitude: {ripple} N, order: {2.0 * math.pi / PERIOD}}}"
+    motor = f"force_constant: 35.1507 N/A{ripple}"
     assert FRICTION in text
-    plant = folder / "plant.yaml"
-    other = text.replace("force_constant: 35.1507 N/A", motor).replace(FRICTION, OTHER)
-    plant.write_text(other.replace("eds: drives/", f"eds: {CONFIG / 'drives'}/"))
-    (folder / "strokes.yaml").write_text(f"type: sequence\nparts:\n{STROKES}\n")
-    ran = sc.simulate(CONFIG / "emps.yaml", folder / "strokes.yaml", plant=plant)
-    names = {"time": "time_s", "reference": "reference_m", "command": "command_A", "measured": "position_m"}
+    return _of_machine(
+        folder, "emps", text.replace("force_constant: 35.1507 N/A", motor).replace(FRICTION, OTHER), "m", 200
+    )
+
+
+def _of_machine(folder: Path, stage: str, machine: str, unit: str, way: int) -> DiagnosisResult:
+    """What is said of a simulated `machine` (text of a stage file) by the model of the configuration `stage`.
+
+    It goes a `way` (mm) to and fro at three speeds.
+    """
+    nominal, plant, strokes = CONFIG / f"{stage}.yaml", folder / "plant.yaml", folder / "strokes.yaml"
+    plant.write_text(machine.replace("eds: drives/", f"eds: {CONFIG / 'drives'}/"))
+    stroke = f"  - {{type: trapezoid, distance: {way} mm, acceleration: 0.8 m/s^2, velocity: "
+    strokes.write_text("type: sequence\nparts:\n" + "".join(f"{stroke}{speed} mm/s}}\n" for speed in SPEEDS))
+    ran = sc.simulate(nominal, strokes, plant=plant)
+    names = {"time": "time_s", "reference": f"reference_{unit}", "command": "command_A", "measured": f"position_{unit}"}
     rows = np.column_stack([ran[name] for name in names])
     np.savetxt(folder / "log.csv", rows, delimiter=",", header=",".join(names.values()), comments="", fmt="%.10g")
-    session = load([folder / "log.csv"], load_stage(CONFIG / "emps.yaml"))
-    return diagnosed(session)
+    return diagnosed(load([folder / "log.csv"], load_stage(nominal)))
+
+
+def _named(result: DiagnosisResult) -> dict[str, FoundEffect]:
+    return {effect.name: effect for effect in result.named}
 
 
 def test_a_fine_ripple_is_named_by_its_line(tmp_path: Path) -> None:
-    named = {effect.name: effect for effect in _answer(tmp_path, 1.0).named}
-    cogging = named["cogging"]
+    cogging = _named(_answer(tmp_path, _wave("cogging", 1.0, PERIOD)))["cogging"]
     assert 2.0 * math.pi / cogging.parameters["order"].value == pytest.approx(PERIOD, rel=0.003)
     assert dict(cogging.fields)["motor.cogging.amplitude"] == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.parametrize("multiple", [2, 6])
+def test_a_motor_whose_teeth_show_beside_its_poles(multiple: int, tmp_path: Path) -> None:
+    """Poles of 24 mm, and two or six teeth on them: one effect, whatever the multiple."""
+    ripple = _wave("cogging", 3.0, 24e-3) + _wave("cogging_second", 1.5, 24e-3 / multiple)
+    result = _answer(tmp_path, ripple)
+    values = {name: value.value for name, value in _named(result)["cogging_map"].parameters.items()}
+    assert result.unknown is None
+    assert values["period"] == pytest.approx(24e-3, rel=0.003) and values["multiple_2"] == multiple
+    assert [values["amplitude_1"], values["amplitude_2"]] == pytest.approx([3.0, 1.5], rel=0.1)
+
+
 def test_another_friction_alone_has_no_ripple(tmp_path: Path) -> None:
-    assert not {"cogging", "cogging_map"} & {effect.name for effect in _answer(tmp_path, 0.0).named}
+    assert not {"cogging", "cogging_map"} & set(_named(_answer(tmp_path, "")))
+
+
+@pytest.mark.parametrize(
+    ("cogging", "encoder", "expected"), [(300.0, 200.0, waves.ENCODER), (200.0, 300.0, waves.SINGLE)]
+)
+def test_an_encoder_that_is_off_centre_is_told_from_a_cogging_by_the_fit(
+    cogging: float, encoder: float, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both make a line at one period a turn; what a fit of each leaves is given."""
+    left = {waves.SINGLE: cogging, waves.ENCODER: encoder}
+    effects = {name: SimpleNamespace(name=name) for name in left}
+    forms = [
+        SimpleNamespace(effect=effect, shape={"order": 1.0}, typical=(1.0,), values=lambda _: {"order": 1.0})
+        for effect in effects.values()
+    ]
+
+    def refined(_: Any, __: Any, kept: Any) -> Any:
+        return SimpleNamespace(effects=tuple(kept), residual_sum_of_squares=left[kept[-1].effect.name])
+
+    def lines(_: Any, now: Any) -> Lines:
+        high = 1.0 if now.effects else 1000.0
+        return Lines(np.array([0.5, 1.0, 1.5]), np.array([1.0, high, 1.0]), np.array([1.0, high, 1.0]), 0.2)
+
+    monkeypatch.setattr(waves, "_lines", lines)
+    monkeypatch.setattr(refine, "refine", refined)
+    now: Any = SimpleNamespace(effects=(), model=None, residual_sum_of_squares=1000.0)
+    after = waves.with_wave(cast("Any", None), cast("Any", SimpleNamespace(forms=forms)), now)
+    assert after is not None and [valued.effect.name for valued in after.effects] == [expected]
+
+
+def test_a_line_between_two_orders_of_the_grid() -> None:
+    """The vertex of the parabola through the logarithms of three powers; a whole order where one is as near."""
+    orders = np.linspace(100.0, 102.0, 9)
+    power = np.exp(-6.25 * (orders - 100.9) ** 2)
+    assert Lines(orders, power, power, 0.6).highest() == pytest.approx(100.9)
+    assert Lines(orders, power, power, 0.3).highest() == 101.0

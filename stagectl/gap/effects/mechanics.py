@@ -107,20 +107,21 @@ def _base_vibration(s: Scales) -> Parameters | None:
 
 
 def _cogging_map(s: Scales) -> Parameters | None:
-    """A harmonic of the pitch with its multiples, as the teeth of a motor give them."""
+    """A harmonic of the pitch with three of its multiples, as poles and teeth of a motor give them."""
     orders = s.orders.get("cogging", ())
     if not orders:
         return None
     size = max(0.02 * s.coulomb, grids.COGGING_OF_EFFORT * s.force_constant * s.current)
     pairs = [Amplitude(f"{part}_{k}", _EFFORT, (size,)) for k in range(1, 5) for part in ("sine", "cosine")]
+    multiples = [Shape(f"multiple_{k}", "", (float(k),), False) for k in range(2, 5)]
 
     def apply(p: Stage, v: Values) -> Stage:
         for k, place in enumerate(_COGGING, 1):
-            part = {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": k * v["order"]}
-            p = harmonic(place)(p, part)
+            order = v["order"] * (v[f"multiple_{k}"] if k > 1 else 1.0)
+            p = harmonic(place)(p, {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": order})
         return p
 
-    return Parameters(tuple(pairs), (Shape("order", "", orders, False),), apply)
+    return Parameters(tuple(pairs), (Shape("order", "", orders, False), *multiples), apply)
 
 
 def _gravity(s: Scales) -> Parameters | None:

@@ -21,9 +21,9 @@ from stagectl.gap.inference.thresholds import FORM_LEFT
 from stagectl.gap.inference.unknown import Residual, error_of_form, kindred, unknown
 from stagectl.gap.inference.unstructured_residual import BANDS
 from stagectl.gap.result.diagnosis import NAMED, UnknownTerm
-from stagectl.gap.selection import linearised
+from stagectl.gap.selection import linearised, waves
 from stagectl.gap.selection.candidates import EffectValues
-from stagectl.gap.selection.constants import INCLUSION, WAVES
+from stagectl.gap.selection.constants import INCLUSION
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.material import without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -50,7 +50,7 @@ def beside_unknown(e: Evidence, library: Library, selected: Selection, smooth: B
     if left is None:
         return BesideUnknown(selected, named, None)
     probability = dict(selected.probability)
-    by_form = (valued for valued in named.fitted.effects if shape is not None or valued.effect.name not in WAVES)
+    by_form = (valued for valued in named.fitted.effects if not waves.stands(e, named.fitted, valued))
     for valued in (valued for valued in by_form if of_kin(valued.effect.name, left)):
         there = there_beside(e, library, named.fitted, valued, left)
         probability[valued.effect.name] = min(probability[valued.effect.name], there)

@@ -35,8 +35,20 @@ class Lines(NamedTuple):
     """A spectrum over the position, against its surroundings."""
 
     orders: Array  # (k,) of the pitch
+    power: Array  # (k,)
     height: Array  # (k,) power over the median of the surroundings
     apart: float  # orders that the travel tells apart
+
+    def highest(self) -> float:
+        """The order of the highest line, between two of `orders`; a whole one where the travel does not part them."""
+        k, off = int(np.argmax(self.height)), 0.0
+        if 0 < k < len(self.orders) - 1:
+            before, at, after = np.log(self.power[k - 1 : k + 2])
+            bend = before - 2.0 * at + after
+            off = 0.5 * float(before - after) / float(bend) if bend < 0.0 else 0.0
+        line = float(self.orders[k] + min(max(off, -0.5), 0.5) * (self.orders[1] - self.orders[0]))
+        whole = float(round(line))
+        return whole if whole and abs(line - whole) <= self.apart < 0.5 else line
 
 
 STANDING = Samples(*np.zeros((4, 1)))
@@ -75,9 +87,7 @@ def _fractional() -> NDArray[np.int64]:
 
 def _with_line(orders: tuple[float, ...], found: Lines) -> tuple[float, ...]:
     """`orders`, and that of the highest line, which may be a small part of the whole."""
-    line = float(found.orders[np.argmax(found.height)])
-    near = float(round(line))
-    order = near if near and abs(line - near) <= found.apart else line
+    order = found.highest()
     return orders if order in orders else (*orders, order)
 
 
@@ -105,7 +115,7 @@ def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
     # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
     around = np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="nearest"), 1e-300)
     orders: Array = grid.astype(np.float64) * (pitch / turn)
-    return Lines(orders, spectrum / around, pitch / travel)
+    return Lines(orders, spectrum, spectrum / around, pitch / travel)
 
 
 def _resolved(runs: Sequence[Run], turn: float, limits: tuple[int, int]) -> int:

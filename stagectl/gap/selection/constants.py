@@ -38,7 +38,8 @@ ONE_OF_MANY = 0.05
 # Power of a line over the median of its surroundings; derived: noise alone has one in a thousand spectra.  Of 13
 # machines of the exam without cogging the highest is 13.6, but for one whose inertia swings with the position.
 LINE = 20.0
-WAVES = ("cogging", "cogging_map")  # effects that make a line over the position
+# Effects that make a line over the position: a force, one with its multiples, a place that is read wrong.
+WAVES = ("cogging", "cogging_map", "encoder_eccentricity")
 TIMING = ("dead_time", "current_loop")  # effects that make it answer later
 CLIPPING = ("current_saturation", "voltage_saturation")  # effects that cut off the noise of a repeat as well
 SCALING = ("current_gain", "torque_path")  # what it reports, and what it gives

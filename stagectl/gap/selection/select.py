@@ -74,9 +74,21 @@ def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
     starts = _if_bent(added, tried)
     after = _first_of(e, now, added, starts, _grown(e, now, added, starts))
-    if after is None or _stands_against_functions(e, library, now, after):
+    if after is None:
+        return None
+    drive = [valued for valued in added if valued.effect.block == DRIVE]
+    return _that_stands(e, library, now, after) or _grown(e, now, drive, starts)
+
+
+def _that_stands(e: Evidence, library: Library, now: Fitted, after: Fitted) -> Fitted | None:
+    """`after`, or else with a wave more or more of its wave, where that stands against functions.
+
+    One harmonic of a wave leaves the others, which a function of the place predicts.
+    """
+    if _stands_against_functions(e, library, now, after):
         return after
-    return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE], starts)
+    waving = waves.with_wave(e, library, after)
+    return waving if waving is not None and _stands_against_functions(e, library, now, waving) else None
 
 
 def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
@@ -133,7 +145,7 @@ def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fi
         return None
     left = linearised.excess(e, library, after)
     fits = nearly_all(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted)
-    return after if fits and _stands_against_functions(e, library, now, after) else None
+    return _that_stands(e, library, now, after) if fits else None
 
 
 def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequence[EffectValues]) -> Fitted | None:

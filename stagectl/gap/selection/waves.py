@@ -4,6 +4,7 @@ An error in the form of the friction lies at the reversals and in the slow cours
 position there is next to none of it: a line there is judged by the spectrum beside it, and not by the whole.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,8 @@ from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.material import without
 from stagectl.gap.selection.refine import Evidence, Fitted
 
-SINGLE, MAP = constants.WAVES
+SINGLE, MAP, ENCODER = constants.WAVES
+MULTIPLES = ("multiple_2", "multiple_3", "multiple_4")  # parameters of a map
 
 
 class Wave(NamedTuple):
@@ -26,33 +28,122 @@ class Wave(NamedTuple):
     probability: float  # that the line is none of noise
 
 
+class _Comb(NamedTuple):
+    """Lines at an order and its multiples."""
+
+    order: float  # of the pitch
+    multiples: tuple[int, ...]
+
+
 def with_wave(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
-    """`now` with the wave at the highest line in what it lacks, and its multiples; None where none is high enough."""
+    """`now` with the wave at the highest line in what it lacks, or with the other harmonics of the wave that it has.
+
+    None where no line is high enough, or stays when it is fitted.
+    """
     found = _lines(e, now)
-    order = float(found.orders[np.argmax(found.height)])
-    present = {valued.effect.name for valued in now.effects}
-    if not _stands_out(found, order) or present & {*constants.WAVES}:
+    waves = [valued for valued in now.effects if valued.effect.name in (SINGLE, MAP)]
+    line = waves[0].values["order"] if waves else found.highest()
+    comb = _comb(found, line)
+    if any(valued.effect.name == MAP for valued in waves) or not (
+        comb.multiples if waves else _stands_out(found, line)
+    ):
         return None
-    wanted = MAP if any(_stands_out(found, multiple * order) for multiple in (2, 3, 4)) else SINGLE
-    for form in library.forms:
-        if form.effect.name == wanted and abs(form.shape["order"] - order) <= found.apart:
-            after = refine.refine(e, now.model, [*now.effects, EffectValues(form.effect, form.values(form.typical))])
-            return after if not _stands_out(_lines(e, after), order) else None
-    return None
+    rest = [valued for valued in now.effects if valued not in waves]
+    present = {valued.effect.name for valued in rest}
+    fresh = _encoder(library, comb, found.apart) if not waves else []
+    fresh = [*fresh, *_wave_of(library, comb, waves)]
+    fits = [refine.refine(e, now.model, [*rest, each]) for each in fresh if each.effect.name not in present]
+    after = min(fits, key=lambda fitted: fitted.residual_sum_of_squares, default=now)
+    if not after.residual_sum_of_squares < now.residual_sum_of_squares:
+        return None
+    return after if _gone(found, _lines(e, after), [each * comb.order for each in (1, *comb.multiples)]) else None
+
+
+def _comb(found: Lines, line: float) -> _Comb:
+    """The comb that holds a `line` (order of the pitch): its multiples, or it and others as those of a lower one."""
+    part = _divisor(found, line)
+    order = line / part
+    heights = {k: _height(found, k * order) for k in range(2, int(found.orders[-1] / order) + 1)}
+    high = sorted((k for k, height in heights.items() if height >= constants.LINE), key=lambda k: -heights[k])
+    own = [part] if part > 1 else []
+    return _Comb(order, tuple([*own, *(k for k in high if k != part)][: len(MULTIPLES)]))
+
+
+def _divisor(found: Lines, line: float) -> int:
+    """Which multiple the `line` is of the highest line at a part of its order; 1 where none stands out.
+
+    Parts count as far as the travel tells them apart.
+    """
+    parts = [k for k in range(2, 1 + int(line / found.orders[0])) if k * (k + 1) * found.apart < line]
+    return max((k for k in parts if _stands_out(found, line / k)), key=lambda k: _height(found, line / k), default=1)
+
+
+def _wave_of(library: Library, comb: _Comb, waves: Sequence[EffectValues]) -> list[EffectValues]:
+    """The wave of a `comb`, from the values of the single one that is there."""
+    wanted = MAP if comb.multiples else SINGLE
+    form = next((form for form in library.forms if form.effect.name == wanted), None)
+    if form is None:
+        return []
+    values = {**form.values(form.typical), "order": comb.order}
+    if comb.multiples:
+        others = [k for k in range(2, 2 + 2 * len(MULTIPLES)) if k not in comb.multiples]
+        values |= dict(zip(MULTIPLES, map(float, [*comb.multiples, *others]), strict=False))
+    for single in waves:
+        place = 1 if single.values["order"] == comb.order else 2  # else it is the first of the multiples
+        values |= {f"{part}_{place}": single.values[part] for part in ("sine", "cosine")}
+    return [EffectValues(form.effect, values)]
+
+
+def _encoder(library: Library, comb: _Comb, apart: float) -> list[EffectValues]:
+    """An encoder that is off centre: it looks like a wave of one period a turn until it is simulated."""
+    forms = [form for form in library.forms if form.effect.name == ENCODER]
+    return [
+        EffectValues(form.effect, form.values(form.typical))
+        for form in forms
+        if abs(form.shape["order"] - comb.order) <= apart and not comb.multiples
+    ]
+
+
+def stands(e: Evidence, now: Fitted, valued: EffectValues) -> bool:
+    """Whether the effect `valued` of `now` is a wave whose line stands out without it, and is gone with it."""
+    found = wave(e, now, valued)
+    orders = [order for order, _ in _harmonics(valued)] if found else []
+    return found is not None and _gone(_lines(e, found.rest), _lines(e, now), orders)
 
 
 def wave(e: Evidence, now: Fitted, valued: EffectValues) -> Wave | None:
-    """The effect `valued` of `now` as a wave; None where what is missing without it has no line at its order.
+    """The effect `valued` of `now` as a wave; None where what is missing without any harmonic has no line at its order.
 
     The power of noise is distributed exponentially: half of it lies below its median.
     """
     if valued.effect.name not in constants.WAVES:
         return None
-    rest, order = without(e, now, valued), valued.values["order"]
-    found = _lines(e, rest)
-    if not _stands_out(found, order):
+    height, count = max(_line_without(e, now, valued, *harmonic) for harmonic in _harmonics(valued))
+    if height < constants.LINE:
         return None
-    return Wave(rest, float(1.0 - len(found.orders) * 0.5 ** _height(found, order)))
+    return Wave(without(e, now, valued), float(1.0 - count * 0.5**height))
+
+
+def _harmonics(valued: EffectValues) -> list[tuple[float, tuple[str, str]]]:
+    """The order of each harmonic, and the names of its sine and cosine."""
+    values = valued.values
+    if valued.effect.name != MAP:
+        return [(values["order"], ("sine", "cosine"))]
+    orders = [values["order"], *(values["order"] * values[name] for name in MULTIPLES)]
+    return [(order, (f"sine_{k}", f"cosine_{k}")) for k, order in enumerate(orders, 1)]
+
+
+def _line_without(
+    e: Evidence, now: Fitted, valued: EffectValues, order: float, harmonic: tuple[str, str]
+) -> tuple[float, int]:
+    """Height of the line at `order` that `now` lacks without this `harmonic` of its wave; the number of lines.
+
+    Another harmonic nearby would raise what surrounds the line.
+    """
+    less = EffectValues(valued.effect, {**valued.values, **dict.fromkeys(harmonic, 0.0)})
+    rest = now._replace(effects=tuple(less if other is valued else other for other in now.effects))
+    found = _lines(e, rest)
+    return _height(found, order), len(found.orders)
 
 
 def _lines(e: Evidence, now: Fitted) -> Lines:
@@ -61,6 +152,16 @@ def _lines(e: Evidence, now: Fitted) -> Lines:
 
 def _stands_out(found: Lines, order: float) -> bool:
     return _height(found, order) >= constants.LINE
+
+
+def _gone(before: Lines, after: Lines, orders: Sequence[float]) -> bool:
+    """Whether nearly all of the power at these orders is explained."""
+    lost, whole = (sum(_power(found, order) for order in orders) for found in (after, before))
+    return lost <= (1.0 - constants.NEARLY_ALL) * whole
+
+
+def _power(found: Lines, order: float) -> float:
+    return float(found.power[np.abs(found.orders - order) <= found.apart].max(initial=0.0))
 
 
 def _height(found: Lines, order: float) -> float:

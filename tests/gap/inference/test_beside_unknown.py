@@ -12,7 +12,7 @@ import pytest
 from stagectl.gap.inference import beside_unknown, verdict
 from stagectl.gap.inference.beside_unknown import of_kin, stands
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import linearised
+from stagectl.gap.selection import linearised, waves
 from stagectl.gap.selection.constants import INCLUSION
 from stagectl.gap.selection.select import Selection
 
@@ -77,10 +77,11 @@ def named_beside(
     shapes: dict[frozenset[str], UnknownTerm | None],
     misfit: UnknownTerm | None = None,
     wave: str = "cogging",
+    has_line: bool = False,
 ) -> Any:
     """What is said of a `wave` and an asymmetry next to the unknown that `shapes` holds for what is named.
 
-    `misfit` is what both leave over a coordinate where that is too little for an unknown.
+    `misfit` is what both leave over a coordinate where that is too little for an unknown.  `has_line`: the wave has.
     """
 
     def only(_: Any, selected: Any) -> Any:
@@ -94,6 +95,7 @@ def named_beside(
     monkeypatch.setattr(beside_unknown, "unknown", found)
     monkeypatch.setattr(beside_unknown, "error_of_form", lambda *_: misfit)
     monkeypatch.setattr(beside_unknown, "there_beside", lambda *_: 0.1)
+    monkeypatch.setattr(waves, "stands", lambda _, __, valued: has_line and valued.effect.name == wave)
     effects = [SimpleNamespace(effect=SimpleNamespace(name=name)) for name in (wave, "coulomb_asymmetry")]
     gains = {wave: 100.0, "coulomb_asymmetry": 1000.0}
     selected = Selection(
@@ -126,6 +128,10 @@ def test_what_a_form_leaves_over_its_coordinate_counts_where_it_is_no_unknown(mo
     assert found.shape is larger
 
 
-def test_a_wave_stands_by_its_line_whatever_harmonics_it_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = named_beside(monkeypatch, {frozenset({"cogging", "coulomb_asymmetry"}): None}, shape("position"))
-    assert found.shape is None and set(found.selected.probability.values()) == {0.9}
+@pytest.mark.parametrize("unknown", [True, False])
+def test_a_wave_stands_by_its_line_whatever_harmonics_it_leaves(unknown: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As an unknown over the position, or as an error of its form that is too little for one."""
+    left = shape("position") if unknown else None
+    both = frozenset({"cogging", "coulomb_asymmetry"})
+    found = named_beside(monkeypatch, {both: left}, shape("position"), has_line=True)
+    assert found.shape is left and set(found.selected.probability.values()) == {0.9}

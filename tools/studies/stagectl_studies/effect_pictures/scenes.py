@@ -42,7 +42,7 @@ FULL_BAND = 1e9  # Hz
 AFTER_REVERSAL: dict[str, Any] = {"part": (0.6, math.inf), "zoom": (0.8, 24.0)}
 SLOPES = (-0.45, 0.45)  # A/ms
 FALL = 4e3 * UM  # rad/s, Stribeck velocity
-COGGED = {"order": 7.0} | {
+COGGED = {"order": 7.0, "multiple_2": 2.0, "multiple_3": 3.0, "multiple_4": 4.0} | {
     f"{part}_{k}": 0.02 / k * (part == "sine") for k in range(1, 5) for part in ("sine", "cosine")
 }
 UNEVEN = {"gain": -0.1, "gain_asymmetry": 0.04, "offset": 0.0, "directed_offset": 0.1}
