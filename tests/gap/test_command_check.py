@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
+from stagectl.gap.controller_check import recomputed_command
 from stagectl.gap.controller_check.command_check import CommandCheck, check_command, resolution
 from stagectl.gap.logs.load_session import load
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
@@ -130,6 +131,12 @@ def test_a_column_that_is_another_is_named(
     assert not check.agrees and check.cause is not None
     assert (check.cause.kind, check.cause.term) == (kind, "command")
     assert check.cause.value == pytest.approx(value, rel=0.01)
+
+
+@pytest.mark.parametrize(("logged", "expected"), [([3.0, -4.0], [3.0, -4.0]), ([3.0, -7.0], [3.0, -7.0])])
+def test_a_controller_logs_its_command_before_or_behind_its_limit(logged: list[float], expected: list[float]) -> None:
+    """Of 3 and -7 A, behind a limit of 4 A: nothing differs in either log."""
+    assert recomputed_command._as_logged(np.array([3.0, -7.0]), np.array(logged), 4.0).tolist() == expected
 
 
 def test_a_factor_that_is_a_unit_names_the_unit(folder: Path) -> None:

@@ -220,3 +220,24 @@ def test_a_later_drive_explains_most_of_what_is_above_the_noise(
     assert material.stands(library, *cast("Any", fits)) is stands
     if stands:
         assert after <= material.most_that_stands(library, cast("Any", fits[0]))
+
+
+@pytest.mark.parametrize(("left", "alike"), [(250.0, True), (120.0, False)])
+def test_another_late_drive_is_alike_where_neither_explains_what_the_other_leaves(
+    left: float, alike: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A dead time leaves 300 of 1000 in the place of a lag that leaves `left`; the noise is 100."""
+    monkeypatch.setattr(gram_matrices, "noise", lambda *_: np.array([60.0, 40.0]))
+
+    def fitted(_: Any, __: Any, kept: Any, **___: Any) -> Any:
+        size = 300.0 if kept else 1000.0
+        return SimpleNamespace(model=model, effects=kept, residuals=None, residual_sum_of_squares=size)
+
+    monkeypatch.setattr(refine, "refine", fitted)
+    monkeypatch.setattr(refine, "first_step", fitted)
+    model = SimpleNamespace(shift=0.0, _replace=lambda **_: None)
+    lag = _late("current_loop", 2e-4)
+    now = SimpleNamespace(model=model, effects=(lag,), residuals=None, residual_sum_of_squares=left)
+    names = ("current_loop", "dead_time", "stribeck")
+    found = drive_alikes.without_unlike(cast("Any", None), _library(*names), cast("Any", now), lag)
+    assert ("dead_time" in {form.effect.name for form in found.forms}) is alike

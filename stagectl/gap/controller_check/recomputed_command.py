@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.controller_check.thresholds import BEGINNING, CORNER, FORGOTTEN, REFERENCE_NOISE, SHARP
+from stagectl.gap.controller_check.thresholds import BEGINNING, CORNER, FORGOTTEN, LIMIT_ROUNDED, REFERENCE_NOISE, SHARP
 from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.kernels import law
@@ -67,7 +67,8 @@ def compared(session: Session, allowed: float) -> list[Comparison]:
 def _compared(p: law.Law, log: Log, dt: float, allowed: float) -> Comparison:
     assert log.setpoints is not None and log.command is not None
     terms = recomputed(p, log.setpoints, log.position, log.carried)
-    difference, gaps = _after_gaps(log.command - terms[:, law.OUTPUT_COLUMNS["command"]], log, dt)
+    commands = _as_logged(terms[:, law.OUTPUT_COLUMNS["command"]], log.command, p.current_limit)
+    difference, gaps = _after_gaps(log.command - commands, log, dt)
     harmless = [gaps]
     for without in (_beginning, _corners):
         if np.nanmax(np.abs(difference), initial=0.0) > allowed:
@@ -75,6 +76,13 @@ def _compared(p: law.Law, log: Log, dt: float, allowed: float) -> Comparison:
             harmless.append(kind)
     rows = tuple(kind for kind in harmless if kind is not None)
     return Comparison(log, p, log.command, log.setpoints, terms, difference, rows)
+
+
+def _as_logged(commands: Array, logged: Array, limit: float) -> Array:
+    """The recomputed `commands` (n,) A as a controller logs them: before its own `limit` (A), or behind it."""
+    behind = np.nanmax(np.abs(logged), initial=0.0) <= limit * (1.0 + LIMIT_ROUNDED)
+    clipped: Array = np.clip(commands, -limit, limit) if behind else commands
+    return clipped
 
 
 def _after_gaps(difference: Array, log: Log, dt: float) -> _Remaining:

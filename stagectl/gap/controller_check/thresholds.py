@@ -14,6 +14,7 @@ SAME_STEP = 1e-12  # of the largest value: smaller differences are rounding of t
 STEPPED = 0.99  # share of the values that must be multiples of a step
 STEP_ERROR, STEP_ERROR_EACH = 0.01, 1e-3  # of a step: allowed deviation from a multiple, and for each step of the value
 STEPS_COUNTED = 100.0  # steps up to which that deviation grows
+LIMIT_ROUNDED = 1e-6  # of the controller's limit, by which the digits of a log may put a command beyond it
 
 # -- rows in which a difference is harmless ----------------------------------------------------------------------------
 FORGOTTEN = 0.05  # s after a gap, until the derivative's filter has forgotten it

@@ -76,7 +76,11 @@ def without_unlike(e: Evidence, library: Library, now: Fitted, valued: EffectVal
     others = without_effects(library, {valued.effect.name})
     beside = _Beside(rest, now.model.shift + _delay(valued))
     later = _later(e, others, now, beside, most_that_stands(library, shifted))
-    alike = {fitted.effects[-1].effect.name for fitted in later if stands(library, shifted, fitted)}
+    alike = {
+        fitted.effects[-1].effect.name
+        for fitted in later
+        if stands(library, shifted, fitted) and not stands(library, fitted, now)
+    }
     return without_effects(library, {*constants.TIMING} - alike - {valued.effect.name})
 
 

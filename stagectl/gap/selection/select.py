@@ -15,6 +15,7 @@ repeats and has an order, what explains it is no trace, however small it is: not
 import functools
 import math
 from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from stagectl.gap.effects.effect import DRIVE
@@ -59,13 +60,19 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
         if after is None:
             break
         if beyond := {valued.effect.name for valued in after.effects if at_bound(valued)}:
-            library = drive_alikes.without_effects(library, beyond)
+            library, now = drive_alikes.without_effects(library, beyond), _without(e, now, beyond)
             continue
         after = drive_alikes.nearest(e, library, after)
         present = {valued.effect.name for valued in now.effects}
         say(f"added {', '.join(v.effect.name for v in after.effects if v.effect.name not in present)}")
         now = after
     return established(e, library, now, say)
+
+
+def _without(e: Evidence, now: Fitted, names: AbstractSet[str]) -> Fitted:
+    """`now` without the effects `names`, fitted anew if it has any of them."""
+    kept = [valued for valued in now.effects if valued.effect.name not in names]
+    return now if len(kept) == len(now.effects) else refine.refine(e, now.model, kept)
 
 
 def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
