@@ -17,7 +17,7 @@ STAGE = load_stage(CONFIG / "ball-screw.yaml").stage
 
 
 def log(name: str, experiment: str = "sine", start: float = 0.0, position: float = 0.0) -> Any:
-    rows = {"position": np.full(20, position), "command": np.zeros(20), "driving": np.zeros(20)}
+    rows = {"position": np.full(20, position), "command": np.zeros(20), "driving": np.zeros(20), "carried": 0.0}
     return SimpleNamespace(
         name=name, experiment=experiment, start=start, held_out=False, setpoints=None, current=None, **rows
     )
