@@ -124,6 +124,39 @@ def test_the_search_goes_on_without_an_effect_at_an_end_of_its_range(
     assert [valued.effect.name for valued in now.effects] == ["thermal_viscous" if kept else "stribeck"]
 
 
+def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_model(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else the search would find the same fit again, for ever."""
+    amplitude = SimpleNamespace(name="size", low=-0.9, high=0.9)
+    effects = {name: SimpleNamespace(name=name, amplitudes=[amplitude]) for name in ("coulomb_asymmetry", "dead_time")}
+
+    def fitted(**sizes: float) -> Any:
+        found = [SimpleNamespace(effect=effects[name], values={"size": size}) for name, size in sizes.items()]
+        return SimpleNamespace(effects=tuple(found), model=None)
+
+    def with_more(_: Any, library: Any, now: Any, __: Any) -> Any:
+        present = {valued.effect.name for valued in now.effects}
+        if present == {"coulomb_asymmetry"}:
+            return fitted(coulomb_asymmetry=0.9, dead_time=0.1)
+        known = {form.effect.name for form in library.forms}
+        first = "coulomb_asymmetry" if "coulomb_asymmetry" in known else "dead_time"
+        return None if present else fitted(**{first: 0.1})
+
+    monkeypatch.setattr(refine, "start", lambda _: fitted())
+    monkeypatch.setattr(refine, "refine", lambda _, __, kept: SimpleNamespace(effects=tuple(kept), model=None))
+    monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
+    monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
+    monkeypatch.setattr(select, "_with_more", with_more)
+    monkeypatch.setattr(select, "_with_small", lambda *_: None)
+    monkeypatch.setattr(waves, "with_wave", lambda *_: None)
+    monkeypatch.setattr(select, "established", lambda _, __, now, ___: now)
+    forms = tuple(SimpleNamespace(effect=effect) for effect in effects.values())
+    library = linearised.Library(cast("Any", forms), cast("Any", None), (0.0, 0.0))
+    now = cast("Any", select.select(cast("Any", None), library, lambda _: None))
+    assert [valued.effect.name for valued in now.effects] == ["dead_time"]
+
+
 @pytest.mark.parametrize(("time", "expected"), [(-1e-3, False), (2e-3, True), (1e-3, False)])
 def test_a_drive_without_a_delay_is_at_no_end(time: float, expected: bool) -> None:
     effect = SimpleNamespace(name="dead_time", amplitudes=[SimpleNamespace(name="time", low=-1e-3, high=2e-3)])
