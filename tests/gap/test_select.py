@@ -26,6 +26,20 @@ def _library(*names: str) -> linearised.Library:
     return linearised.Library(cast("Any", tuple(forms)), cast("Any", None), (0.0, 0.0))
 
 
+def _searched(monkeypatch: pytest.MonkeyPatch, forms: Any, with_more: Any) -> list[str]:
+    """The effects that the search ends with, where `with_more` alone finds any."""
+    monkeypatch.setattr(refine, "start", lambda _: SimpleNamespace(effects=(), model=None))
+    monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
+    monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
+    monkeypatch.setattr(select, "_with_more", with_more)
+    monkeypatch.setattr(select, "_with_small", lambda *_: None)
+    monkeypatch.setattr(waves, "with_wave", lambda *_: None)
+    monkeypatch.setattr(select, "established", lambda _, __, now, ___: now)
+    library = linearised.Library(forms, cast("Any", None), (0.0, 0.0))
+    now = cast("Any", select.select(cast("Any", None), library, lambda _: None))
+    return [valued.effect.name for valued in now.effects]
+
+
 @pytest.mark.parametrize(("name", "fitted"), [("compliance", True), ("cable_spring", False)])
 def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     name: str, fitted: bool, monkeypatch: pytest.MonkeyPatch
@@ -112,16 +126,7 @@ def test_the_search_goes_on_without_an_effect_at_an_end_of_its_range(
     def with_more(_: Any, library: Any, now: Any, __: Any) -> Any:
         return None if now.effects else SimpleNamespace(effects=(found[library.forms[0].effect.name],))
 
-    monkeypatch.setattr(refine, "start", lambda _: SimpleNamespace(effects=()))
-    monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
-    monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
-    monkeypatch.setattr(select, "_with_more", with_more)
-    monkeypatch.setattr(select, "_with_small", lambda *_: None)
-    monkeypatch.setattr(waves, "with_wave", lambda *_: None)
-    monkeypatch.setattr(select, "established", lambda _, __, now, ___: now)
-    library = linearised.Library(cast("Any", forms), cast("Any", None), (0.0, 0.0))
-    now = cast("Any", select.select(cast("Any", None), library, lambda _: None))
-    assert [valued.effect.name for valued in now.effects] == ["thermal_viscous" if kept else "stribeck"]
+    assert _searched(monkeypatch, forms, with_more) == ["thermal_viscous" if kept else "stribeck"]
 
 
 def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_model(
@@ -143,18 +148,9 @@ def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_mod
         first = "coulomb_asymmetry" if "coulomb_asymmetry" in known else "dead_time"
         return None if present else fitted(**{first: 0.1})
 
-    monkeypatch.setattr(refine, "start", lambda _: fitted())
     monkeypatch.setattr(refine, "refine", lambda _, __, kept: SimpleNamespace(effects=tuple(kept), model=None))
-    monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
-    monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
-    monkeypatch.setattr(select, "_with_more", with_more)
-    monkeypatch.setattr(select, "_with_small", lambda *_: None)
-    monkeypatch.setattr(waves, "with_wave", lambda *_: None)
-    monkeypatch.setattr(select, "established", lambda _, __, now, ___: now)
     forms = tuple(SimpleNamespace(effect=effect) for effect in effects.values())
-    library = linearised.Library(cast("Any", forms), cast("Any", None), (0.0, 0.0))
-    now = cast("Any", select.select(cast("Any", None), library, lambda _: None))
-    assert [valued.effect.name for valued in now.effects] == ["dead_time"]
+    assert _searched(monkeypatch, forms, with_more) == ["dead_time"]
 
 
 @pytest.mark.parametrize(("time", "expected"), [(-1e-3, False), (2e-3, True), (1e-3, False)])

@@ -13,6 +13,7 @@ from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.candidates import EffectValues, equipped
+from stagectl.gap.selection.material import refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.select import Selection
 from stagectl.kernels.fields import get
@@ -44,16 +45,13 @@ def _split(effect: FoundEffect) -> list[FoundEffect]:
 
 def only_named(e: Evidence, selected: Selection) -> Selection:
     """`selected` without what is not named: a cause in doubt must not hide that something is there."""
-    kept = [fitted for fitted in selected.fitted.effects if selected.probability[fitted.effect.name] >= NAMED]
-    if len(kept) == len(selected.fitted.effects):
-        return selected
-    return selected._replace(fitted=refine.refine(e, selected.fitted.model, kept))
+    doubted = {name for name, probability in selected.probability.items() if probability < NAMED}
+    return selected._replace(fitted=refitted_without(e, selected.fitted, doubted))
 
 
 def taken_out(e: Evidence, selected: Selection, name: str) -> Selection:
     """`selected` without the effect `name`, fitted anew."""
-    kept = [valued for valued in selected.fitted.effects if valued.effect.name != name]
-    return selected._replace(fitted=refine.refine(e, selected.fitted.model, kept))
+    return selected._replace(fitted=refitted_without(e, selected.fitted, {name}))
 
 
 def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[DriveSignature]) -> list[FoundEffect]:

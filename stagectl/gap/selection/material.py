@@ -1,6 +1,7 @@
 """What is missing and has an order is no trace: whether an effect explains most of it, however small it is."""
 
 import math
+from collections.abc import Set as AbstractSet
 
 import numpy as np
 
@@ -18,6 +19,12 @@ def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
     if not np.isfinite(refine.total(e, left)):
         return refine.refine(e, e.base.model, rest)
     return Fitted(now.model, rest, left, np.nan)
+
+
+def refitted_without(e: Evidence, now: Fitted, names: AbstractSet[str]) -> Fitted:
+    """`now` without the effects `names`, fitted anew; the same where it has none of them."""
+    kept = [valued for valued in now.effects if valued.effect.name not in names]
+    return now if len(kept) == len(now.effects) else refine.refine(e, now.model, kept)
 
 
 def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:

@@ -15,7 +15,6 @@ repeats and has an order, what explains it is no trace, however small it is: not
 import functools
 import math
 from collections.abc import Callable, Sequence
-from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from stagectl.gap.effects.effect import DRIVE
@@ -23,7 +22,15 @@ from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
-from stagectl.gap.selection.material import adequate, at_bound, explains, is_material, nearly_all, without
+from stagectl.gap.selection.material import (
+    adequate,
+    at_bound,
+    explains,
+    is_material,
+    nearly_all,
+    refitted_without,
+    without,
+)
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.starting_places import Starts, bends, starting_places
 
@@ -60,19 +67,13 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
         if after is None:
             break
         if beyond := {valued.effect.name for valued in after.effects if at_bound(valued)}:
-            library, now = drive_alikes.without_effects(library, beyond), _without(e, now, beyond)
+            library, now = drive_alikes.without_effects(library, beyond), refitted_without(e, now, beyond)
             continue
         after = drive_alikes.nearest(e, library, after)
         present = {valued.effect.name for valued in now.effects}
         say(f"added {', '.join(v.effect.name for v in after.effects if v.effect.name not in present)}")
         now = after
     return established(e, library, now, say)
-
-
-def _without(e: Evidence, now: Fitted, names: AbstractSet[str]) -> Fitted:
-    """`now` without the effects `names`, fitted anew if it has any of them."""
-    kept = [valued for valued in now.effects if valued.effect.name not in names]
-    return now if len(kept) == len(now.effects) else refine.refine(e, now.model, kept)
 
 
 def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
@@ -240,8 +241,7 @@ def _empty(at: Linearised) -> float:
 def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
     """What is established of the other effects, without the effect `name`."""
     say(f"dropped {name}")
-    kept = [valued for valued in now.effects if valued.effect.name != name]
-    return established(e, library, refine.refine(e, now.model, kept), say)
+    return established(e, library, refitted_without(e, now, {name}), say)
 
 
 def is_trace(valued: EffectValues) -> bool:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import pitch_orders
 from stagectl.gap.residuals.pitch_orders import Lines
 from stagectl.gap.selection import constants, refine
@@ -40,13 +41,13 @@ def with_wave(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
 
     None where no line is high enough, or stays when it is fitted.
     """
-    found = _lines(e, now)
     waves = [valued for valued in now.effects if valued.effect.name in (SINGLE, MAP)]
+    if any(valued.effect.name == MAP for valued in waves):
+        return None
+    found = _lines(e, now)
     line = waves[0].values["order"] if waves else found.highest()
     comb = _comb(found, line)
-    if any(valued.effect.name == MAP for valued in waves) or not (
-        comb.multiples if waves else _stands_out(found, line)
-    ):
+    if not (comb.multiples if waves else _stands_out(found, line)):
         return None
     rest = [valued for valued in now.effects if valued not in waves]
     present = {valued.effect.name for valued in rest}
@@ -161,9 +162,13 @@ def _gone(before: Lines, after: Lines, orders: Sequence[float]) -> bool:
 
 
 def _power(found: Lines, order: float) -> float:
-    return float(found.power[np.abs(found.orders - order) <= found.apart].max(initial=0.0))
+    return _largest(found, found.power, order)
 
 
 def _height(found: Lines, order: float) -> float:
-    near = np.abs(found.orders - order) <= found.apart
-    return float(found.height[near].max(initial=0.0))
+    return _largest(found, found.height, order)
+
+
+def _largest(found: Lines, values: Array, order: float) -> float:
+    """The largest of `values` (k,) that the travel does not tell from the `order`."""
+    return float(values[np.abs(found.orders - order) <= found.apart].max(initial=0.0))
