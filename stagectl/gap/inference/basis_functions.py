@@ -65,10 +65,15 @@ class BasisColumns(NamedTuple):
     clock: Products | None  # the same over the session's clock; None where nothing was repeated
 
 
-def functions(filtering: ResidualFilter, runs: Sequence[Run], size: Scales, known: Products) -> BasisColumns:
-    """All bases along the motions of `runs`, with their columns multiplied with those that are `known`."""
+def functions(
+    filtering: ResidualFilter, runs: Sequence[Run], size: Scales, known: Products, efforts: Sequence[Array]
+) -> BasisColumns:
+    """All bases along the motions of `runs`, with their columns multiplied with those that are `known`.
+
+    `efforts` (m,) of each run are what the base leaves of the effort.
+    """
     motions = [motion_of(run, size) for run in runs]
-    bases = bases_of(size, motions)
+    bases = bases_of(size, motions, places(size, motions, efforts))
     empty = BasisColumns(filtering, runs, size, motions, bases, known, {}, None)
     columns = columns_of(empty, dict.fromkeys((EVEN, ODD), bases))
     products = {}
@@ -123,8 +128,27 @@ def waves(pitch: float, orders: Sequence[float]) -> Basis:
     return basis
 
 
-def bases_of(size: Scales, motions: Sequence[RunMotion]) -> list[CoordinateBasis]:
-    """One basis for each coordinate of a motion, on grids that suit this machine's sizes; time has its own."""
+def places(size: Scales, motions: Sequence[RunMotion], efforts: Sequence[Array]) -> Array:
+    """Nodes over the position: half of them evenly spaced, half where most of the `efforts` (m,) of each run is left.
+
+    A damaged place is narrow.  Beside a reversal, what is left belongs to the friction and not to the place.
+    """
+    edges = np.linspace(size.centre - size.stroke, size.centre + size.stroke, thresholds.PLACES + 1)
+    left = np.zeros(thresholds.PLACES)
+    for motion, effort in zip(motions, efforts, strict=True):
+        moved = motion.since > thresholds.WAY_FROM * size.length
+        left += np.histogram(motion.position[moved], edges, weights=effort[moved] ** 2)[0]
+    measure = 1.0 / thresholds.PLACES + left / max(float(left.sum()), 1e-300)
+    course = np.concatenate([[0.0], np.cumsum(measure)])
+    nodes: Array = np.interp(np.linspace(0.0, course[-1], thresholds.PLACE_NODES), course, edges)
+    return nodes
+
+
+def bases_of(size: Scales, motions: Sequence[RunMotion], places: Array) -> list[CoordinateBasis]:
+    """One basis for each coordinate of a motion, on grids that suit this machine's sizes; time has its own.
+
+    `places` are the nodes over the position.
+    """
     speeds = np.concatenate([[0.0], np.geomspace(thresholds.SLOWEST_NODE, 1.0, thresholds.SPEED_NODES)]) * size.speed
     zone = np.concatenate(
         [[0.0], size.length * np.geomspace(thresholds.ZONE_FROM, thresholds.ZONE_TO, thresholds.ZONE_NODES)]
@@ -134,7 +158,6 @@ def bases_of(size: Scales, motions: Sequence[RunMotion]) -> list[CoordinateBasis
     )
     measured = np.concatenate([np.abs(motion.acceleration) for motion in motions])
     largest = float(np.percentile(measured, thresholds.ACCELERATION_PERCENTILE))
-    places = np.linspace(size.centre - size.stroke, size.centre + size.stroke, thresholds.PLACE_NODES)
     orders = sorted(
         {
             *range(1, thresholds.PITCH_ORDERS + 1),

@@ -71,33 +71,38 @@ def predicted_squares(free: Array, columns: Sequence[int]) -> tuple[float, float
 
     The folds `free` (2, p + 1, p + 1) are free of what the nuisances can take.
     """
-    before, after = predicted_of(free, columns, [-1])
+    before, after, _ = predicted_of(free, columns, [-1])
     return float(before[0]), float(after[0])
 
 
-def predicted_of(free: Array, columns: Sequence[int], residuals: Sequence[int]) -> tuple[Array, Array]:
-    """`predicted_squares` (r,) of each of the columns `residuals` in the place of the residual: one fit for all."""
-    before, after = np.zeros(len(residuals)), np.zeros(len(residuals))
+def predicted_of(free: Array, columns: Sequence[int], residuals: Sequence[int]) -> tuple[Array, Array, Array]:
+    """`predicted_squares` (r,) of each of the columns `residuals` in the place of the residual, with the best ridge.
+
+    The residual is no white noise but an error of form as well, and nobody knows its size beforehand: a function takes
+    the ridge (r,) out of `thresholds.RIDGES` by which one fold predicts most of the other.
+    """
+    before = free[:, residuals, residuals].sum(axis=0)
+    after = np.stack([before] * len(thresholds.RIDGES))
     for fitted, judged in ((0, 1), (1, 0)):
-        amplitude = ridge_fit(free[fitted], columns, of=residuals)
-        square = free[judged][residuals, residuals]
-        right = free[judged][np.ix_(columns, residuals)]
-        explained = 2.0 * right - free[judged][np.ix_(columns, columns)] @ amplitude
-        before += square
-        after += square - np.sum(amplitude * explained, axis=0)
-    return before, after
+        amplitudes = np.stack([ridge_fit(free[fitted], columns, r, of=residuals) for r in thresholds.RIDGES])
+        right, gram = free[judged][np.ix_(columns, residuals)], free[judged][np.ix_(columns, columns)]
+        after -= np.sum(amplitudes * (2.0 * right - gram @ amplitudes), axis=1)
+    best = after.argmin(axis=0)
+    return before, after.min(axis=0), np.array(thresholds.RIDGES)[best]
 
 
-def ridge_fit(g: Array, columns: Sequence[int], nuisances: Sequence[int] = (), of: int | Sequence[int] = -1) -> Array:
+def ridge_fit(
+    g: Array, columns: Sequence[int], ridge: float, nuisances: Sequence[int] = (), of: int | Sequence[int] = -1
+) -> Array:
     """Amplitudes (k,) of the `nuisances` and then of the `columns` of the Gram matrix `g` (p + 1, p + 1).
 
-    A ridge draws those of the `columns` to zero that the data hardly excite.  They fit the column `of`, the residual
-    unless given; (k, r) where several are asked for.
+    A `ridge`, a share of the best excited column's power, draws those of the `columns` to zero that the data hardly
+    excite.  They fit the column `of`, the residual unless given; (k, r) where several are asked for.
     """
     places, free = [*nuisances, *columns], len(nuisances)
     size = np.maximum(np.diag(g)[places], 0.0)  # below it by rounding, where nuisances were taken out
     own = size[free:]
-    prior = np.concatenate([np.zeros(free), np.full(len(own), thresholds.RIDGE_SHARE * float(own.max(initial=0.0)))])
+    prior = np.concatenate([np.zeros(free), np.full(len(own), ridge * float(own.max(initial=0.0)))])
     scale = 1.0 / np.sqrt(size + prior + 1e-300)
     a = g[np.ix_(places, places)] + np.diag(prior)
     inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=thresholds.PSEUDO_INVERSE_RANK, hermitian=True)

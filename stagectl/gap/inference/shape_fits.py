@@ -41,6 +41,7 @@ class ShapeFit(NamedTuple):
     gain: float  # of the sum of squares
     share: float  # of the residual above the repeats' floor
     limit: float  # gain that the ensemble of friction laws gives it
+    ridge: float  # by which it predicts most
 
     def clear(self, least: float) -> bool:
         """Whether it predicts enough, and gains more than `least` and than any friction law gives."""
@@ -88,15 +89,16 @@ def _fits(
 
 def _predicted(
     free: Array, columns: Sequence[int], machines: Sequence[int], floor: float
-) -> tuple[float, float, float]:
-    """Gain of the `columns` of the folds, its share of the residual above the `floor`, and their gain on `machines`.
+) -> tuple[float, float, float, float]:
+    """Gain of the `columns` of the folds, its share of the residual above the `floor`, their gain on `machines`, ridge.
 
     Those are columns of the null ensemble, each in the place of the residual; 0 without any.
     """
-    before, after = predicted_of(free, columns, [-1, *machines])
+    before, after, ridges = predicted_of(free, columns, [-1, *machines])
     gain, *of_laws = (before - after).tolist()
     share = gain / float(before[0] - floor) if before[0] > floor else 0.0
-    return gain, share, float(np.quantile(of_laws, ENSEMBLE_QUANTILE)) if of_laws else 0.0
+    limit = float(np.quantile(of_laws, ENSEMBLE_QUANTILE)) if of_laws else 0.0
+    return gain, share, limit, float(ridges[0])
 
 
 def least_gain(e: Evidence) -> float:
@@ -154,7 +156,7 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unk
     columns = [name for part in fit.parts for name in basis_functions.names(fit.basis, part)]
     g = gram_matrices.fold_sums(products, means(now.residuals))
     nuisances = g.places(refine.nuisances(e))
-    amplitudes = ridge_fit(g.effort.sum(axis=0), g.places(columns), nuisances)[len(nuisances) :]
+    amplitudes = ridge_fit(g.effort.sum(axis=0), g.places(columns), fit.ridge, nuisances)[len(nuisances) :]
     by_part = dict(zip(fit.parts, np.split(amplitudes, len(fit.parts)), strict=True))
     grid, force = _force(fit.basis, by_part)
     shape = UnknownTerm(fit.basis.coordinate, grid, force, min(fit.share, 1.0))
@@ -162,12 +164,18 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unk
 
 
 def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array, Array]:
-    """Grid and force (n,) each; over both directions where the coordinate has no sign but the function is odd."""
+    """Grid and force (n,) each; over both directions where the coordinate has no sign but the function is odd.
+
+    Over any other coordinate, it is the force of the direction in which there is more of it.
+    """
     signed = basis.coordinate in SIGNED and ODD in amplitudes
     grid = np.linspace(-basis.high if signed else basis.low, basis.high, TABLE_ROWS)
     values = basis.basis(np.abs(grid) if signed else grid)
-    side, none = np.sign(grid) if signed else np.ones(TABLE_ROWS), np.zeros(len(values))
-    return grid, amplitudes.get(EVEN, none) @ values + side * (amplitudes.get(ODD, none) @ values)
+    none = np.zeros(len(values))
+    even, odd = (amplitudes.get(part, none) @ values for part in (EVEN, ODD))
+    if signed:
+        return grid, even + np.sign(grid) * odd
+    return grid, max(even + odd, even - odd, key=lambda force: float(force @ force))
 
 
 def with_shape(e: Evidence, now: Fitted, shape: UnknownTerm) -> Fitted:

@@ -49,7 +49,9 @@ DRIVE_OF_FORM, CLOCK_OF_FORM = 0.025, 0.05
 
 # -- coordinates and their basis functions ---------------------------------------------------------------------------
 
-RIDGE_SHARE = 1e-3  # of the best excited function's power; chosen. Ridge that draws hardly excited ones to zero.
+# Of the best excited function's power; decades: below, a function follows every error of form; above, it is drawn to
+# nothing. Ridges that draw hardly excited functions to zero.
+RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
 PSEUDO_INVERSE_RANK = 1e-10  # relative singular value; far above rounding. Smaller ones count as zero.
 EXCESS_BAND = 1.5  # octaves; chosen. Width of the band by which a gap counts as lying in frequency.
 LOWEST_FREQUENCY = 5.0  # Hz; chosen. Below lie the motions themselves.
@@ -63,7 +65,9 @@ LOOP_SLOPE = 5.0  # per largest acceleration; chosen. How sharply the sign of th
 SPEED_NODES, SLOWEST_NODE = 11, 0.002  # chosen; of the largest speed. Geometric grid: friction changes over decades.
 ZONE_NODES, ZONE_FROM, ZONE_TO = 10, 0.03, 3.0  # chosen; in rolling zones. Grid within the rolling zone.
 WAY_NODES, WAY_FROM, WAY_TO = 4, 6.0, 12.0  # chosen; in rolling zones. Grid beyond it, to the stroke at least.
-PLACE_NODES, ACCELERATION_NODES, CURRENT_NODES = 25, 11, 15  # chosen. Even grids of these coordinates.
+ACCELERATION_NODES, CURRENT_NODES = 11, 15  # chosen. Even grids of these coordinates.
+# Chosen: nodes over the position, which stand closer where more is left; and cells in which that is looked at.
+PLACE_NODES, PLACES = 25, 400
 ACCELERATION_PERCENTILE = 99.9  # %; chosen. Accelerations above are outliers of the differentiation.
 
 # -- localisation in time --------------------------------------------------------------------------------------------

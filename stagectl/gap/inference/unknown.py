@@ -38,7 +38,8 @@ def functions(e: Evidence, size: Scales, library: Library) -> BasisColumns:
     """Functions of single coordinates along the runs, together with the base and the null ensemble."""
     names = [*e.base.products.names, *null_ensemble.member_names(library.products.names)]
     filtering = basis_functions.ResidualFilter(e.base.model, e.base.noise)
-    return basis_functions.functions(filtering, e.runs, size, gram_matrices.selected(library.products, names))
+    efforts = [run.weight * mean[:, 0] for run, (mean,) in zip(e.runs, means(e.base.after), strict=True)]
+    return basis_functions.functions(filtering, e.runs, size, gram_matrices.selected(library.products, names), efforts)
 
 
 def predicted(e: Evidence, now: Fitted, smooth: BasisColumns) -> Predicted:

@@ -11,7 +11,7 @@ import numpy as np
 
 from stagectl.gap.inference import basis_functions, thresholds
 from stagectl.gap.inference.basis_functions import TIME, BasisColumns
-from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_squares, ridge_fit, scatter
+from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_of, ridge_fit, scatter
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products, folds, partialled_out
@@ -135,7 +135,8 @@ def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: flo
         return None
     g = gram_matrices.fold_sums(functions.clock, now.residuals)
     nuisances = g.places(refine.nuisances(e))
-    amplitudes = ridge_fit(g.effort.sum(axis=0), g.places(basis_functions.CLOCK), nuisances)[len(nuisances) :]
+    clock, ridge = g.places(basis_functions.CLOCK), _predicted(e, g)[2]
+    amplitudes = ridge_fit(g.effort.sum(axis=0), clock, ridge, nuisances)[len(nuisances) :]
     (side, damping), half = np.split(amplitudes, 2), 0.5 * functions.size.speed
     course = side + half * damping
     return UnknownTerm(TIME, basis_functions.knots(e.runs), course - course.mean(), share)
@@ -149,17 +150,17 @@ def clock_gain(e: Evidence, now: Fitted, functions: BasisColumns, least: float) 
     if functions.clock is None:
         return 0.0, 0.0
     grams = (gram_matrices.fold_sums(functions.clock, residuals) for residuals in (now.residuals, e.base.after))
-    (gain, noise), (first, _) = (_predicted(e, g) for g in grams)
+    (gain, noise, _), (first, _, _) = (_predicted(e, g) for g in grams)
     if gain <= 0.0 or gain < max(thresholds.CLOCK_OF_NOISE * noise, thresholds.CLOCK_OF_FORM * first, least):
         return 0.0, 0.0
     return gain, min(gain / max(first, gain), 1.0)
 
 
-def _predicted(e: Evidence, g: Grams) -> tuple[float, float]:
-    """Sums of squares that a course over the clock predicts, and that it leaves."""
+def _predicted(e: Evidence, g: Grams) -> tuple[float, float, float]:
+    """Sums of squares that a course over the clock predicts, and that it leaves; and the ridge of its fit."""
     free = partialled_out(folds(g, g.effort), g.places(refine.nuisances(e)))
-    before, after = predicted_squares(free, g.places(basis_functions.CLOCK))
-    return before - after, after
+    (before,), (after,), (ridge,) = predicted_of(free, g.places(basis_functions.CLOCK), [-1])
+    return float(before - after), float(after), float(ridge)
 
 
 def free_rows(e: Evidence, residual: MeanResidual, cut: int) -> FreeRows:

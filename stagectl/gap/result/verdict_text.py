@@ -6,13 +6,14 @@ import numpy as np
 
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import UNEXPLAINED, DiagnosisResult, FoundEffect, Gap, UnknownTerm
-from stagectl.number_format import percent, portion, three_digits, together
+from stagectl.number_format import Travel, length, percent, portion, three_digits, together
 
 _GAP_LABELS = {"tracking_error": "tracking gap"}  # of gaps that are not labelled by their key
 _NOTHING_CHANGED = ("none", "not-identifiable")  # verdicts under which the model stays as it is
 MOST = 3  # effects in the sentence, parameters in it, and spans in a line; chosen for one line each
 FLOORS = 2.0  # times the floor: a larger gap is not closed; from the issue that asked for it
 _MOSTLY = 0.5  # of the gap, surely closed: the model is off, whether or not a parameter stands out; chosen
+_NARROW = 0.04  # of the stroke, to either side: a force that lies closer together has a place; chosen
 _SMALL = 0.005  # share of the gap below which its size is not stated
 _LIKELY = 0.3  # probability from which an effect that is not named is mentioned
 _BEYOND = 0.05  # by which a share may lie below 0 or above 1 and still be stated by itself; chosen
@@ -180,10 +181,10 @@ def _unknown(result: DiagnosisResult) -> str:
     if term is None:
         return text
     ordered = term.coordinate != "none"
-    return f"{text}; {where_unknown(term) if ordered else 'no coordinate predicts most of it'}"
+    return f"{text}; {where_unknown(term, result.travel) if ordered else 'no coordinate predicts most of it'}"
 
 
-def where_unknown(term: UnknownTerm) -> str:
+def where_unknown(term: UnknownTerm, travel: Travel) -> str:
     """Where the unexplained part lies: ``it follows the speed, which predicts 92 % of it ...``."""
     predicted = percent(term.predicted)
     if term.block == "drive":
@@ -195,7 +196,17 @@ def where_unknown(term: UnknownTerm) -> str:
     if term.coordinate == "frequency":
         middle = term.grid[int(np.argmax(term.force))]
         return f"it oscillates, most near {middle:.0f} Hz: a band of one and a half octaves holds {predicted} of it"
-    return f"it follows the {coordinate_label(term.coordinate)}, which predicts {predicted} of it on unused runs"
+    place = narrow_place(term) if term.coordinate == "position" else None
+    at = "" if place is None else f", most of it near {length(place * travel.per_unit, travel.unit)}"
+    return f"it follows the {coordinate_label(term.coordinate)}{at}, which predicts {predicted} of it on unused runs"
+
+
+def narrow_place(term: UnknownTerm) -> float | None:
+    """The place of the largest force, where most of its power lies close by; None where it lies anywhere."""
+    power = (term.force - np.median(term.force)) ** 2
+    top, reach = int(power.argmax()), max(round(_NARROW * len(power)), 1)
+    near = float(power[max(top - reach, 0) : top + reach + 1].sum())
+    return float(term.grid[top]) if near > _MOSTLY * float(power.sum()) else None
 
 
 def _distance(result: DiagnosisResult) -> str:

@@ -14,7 +14,7 @@ repeats and has an order, what explains it is no trace, however small it is: not
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from stagectl.gap.effects.effect import DRIVE
@@ -77,15 +77,29 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
 
 
 def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
-    """`now` with the most probable set of effects; None where that is empty, or does not fit."""
+    """`now` with the most probable set of effects, or with the next that holds it; None where none stands."""
     at = linearised.linearised(e, library, now)
-    added = at.values(at.verdict.best(next(iter(at.verdict.of_sets()))))
-    starts = _if_bent(added, tried)
-    after = _first_of(e, now, added, starts, _grown(e, now, added, starts))
-    if after is None:
-        return None
-    drive = [valued for valued in added if valued.effect.block == DRIVE]
-    return _that_stands(e, library, now, after) or _grown(e, now, drive, starts)
+    sets = _and_wider(at.verdict.of_sets())
+    for effects in sets:
+        added = at.values(at.verdict.best(effects))
+        starts = _if_bent(added, tried)
+        after = _first_of(e, now, added, starts, _grown(e, now, added, starts))
+        standing = None if after is None else _that_stands(e, library, now, after)
+        if standing is not None:
+            return standing
+    added = at.values(at.verdict.best(sets[0]))
+    return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE], _if_bent(added, tried))
+
+
+def _and_wider(sets: Mapping[frozenset[str], float]) -> list[frozenset[str]]:
+    """The most probable of the `sets`, and those that hold it and more and are comparable with it.
+
+    Of what explains a little, much may be left that a second effect explains; where several explain it about as well,
+    they share its probability, and the set without any of them is the most probable one.
+    """
+    best = max(sets, key=sets.__getitem__)
+    wider = [item for item in sets if best < item and sets[item] >= constants.COMPARABLE * sets[best]]
+    return [best, *(wider if best else ())]
 
 
 def _that_stands(e: Evidence, library: Library, now: Fitted, after: Fitted) -> Fitted | None:

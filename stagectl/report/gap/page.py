@@ -151,7 +151,7 @@ def _unknown(result: DiagnosisResult, place: str) -> list[Section]:
             "along the measured path, or it keeps the simulated loop from following the machine."
         )
         return [Section(_UNKNOWN_TITLE, [text])]
-    text = f"A part of the gap has no known cause: {verdict_text.where_unknown(term)}."
+    text = f"A part of the gap has no known cause: {verdict_text.where_unknown(term, result.travel)}."
     pictures = [_picture(figures.unknown(result), _CAPTIONS.get(term.coordinate, _CAPTION))]
     commands = (f"stagectl gap apply {place} {_ANY_STAGE} --unknown",) if term.fields else ()
     return [Section(_UNKNOWN_TITLE, [text], pictures, [], commands)]

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -59,7 +62,49 @@ def test_any_column_may_stand_in_the_place_of_the_residual() -> None:
     swapped = folds[:, order][:, :, order]
     both = coordinates.predicted_of(folds, [0], [-1, 1])
     for k, one in enumerate((folds, swapped)):
-        assert [float(squares[k]) for squares in both] == pytest.approx(coordinates.predicted_squares(one, [0]))
+        alone = coordinates.predicted_squares(one, [0])
+        assert [float(squares[k]) for squares in both[:2]] == pytest.approx(alone)
+
+
+def test_a_function_that_follows_every_error_takes_a_ridge() -> None:
+    """Twenty columns, one of which holds the residual; the others follow the errors of 22 rows."""
+    random, folds = np.random.default_rng(5), []
+    for _ in range(2):
+        columns = random.standard_normal((20, 22)) * np.array([1.0, *[0.2] * 19])[:, None]
+        rows = np.vstack([columns, columns[0] + random.standard_normal(22)])
+        folds.append(rows @ rows.T)
+    free, every = np.array(folds), list(range(20))
+    (before,), (after,), (ridge,) = coordinates.predicted_of(free, every, [-1])
+    stiff = [coordinates.ridge_fit(free[k], every, 1e-3) for k in (0, 1)]
+    left = [np.append(-stiff[k], 1.0) @ free[1 - k] @ np.append(-stiff[k], 1.0) for k in (0, 1)]
+    assert sum(left) > before  # with the smallest ridge it predicts less than nothing
+    assert ridge > 1e-3 and before - after > 0.2 * before
+
+
+def _motion(position: np.ndarray) -> basis_functions.RunMotion:
+    still = np.zeros(len(position))
+    return basis_functions.RunMotion(position, still, still, np.full(len(position), np.inf), still)
+
+
+def test_nodes_over_the_place_stand_where_most_is_left() -> None:
+    """Half of them within the damaged millimetre of a stroke of 100 mm, the others evenly spaced."""
+    size: Any = SimpleNamespace(centre=0.0, stroke=0.05, length=1e-5)
+    position = np.linspace(-0.05, 0.05, 40_001)
+    pulse = np.where(np.abs(position - 0.02) < 5e-4, 1.0, 0.0)
+    nodes = basis_functions.places(size, [_motion(position)], [pulse])
+    assert nodes[[0, -1]] == pytest.approx([-0.05, 0.05]) and np.all(np.diff(nodes) > 0.0)
+    assert np.sum(np.abs(nodes - 0.02) < 6e-4) == pytest.approx(0.5 * len(nodes), abs=1.5)
+    even = basis_functions.places(size, [_motion(position)], [np.zeros(len(position))])
+    assert even == pytest.approx(np.linspace(-0.05, 0.05, len(even)))
+
+
+def test_what_is_left_beside_a_reversal_draws_no_node() -> None:
+    size: Any = SimpleNamespace(centre=0.0, stroke=0.05, length=1e-3)
+    position = np.linspace(-0.05, 0.05, 40_001)
+    motion = _motion(position)._replace(since=position + 0.05)
+    left = np.where(position < -0.046, 1.0, 0.0)
+    even = np.linspace(-0.05, 0.05, len(basis_functions.places(size, [motion], [left])))
+    assert basis_functions.places(size, [motion], [left]) == pytest.approx(even, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ def gram(columns: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 def test_excited_columns_get_their_amplitudes() -> None:
     columns = np.random.default_rng(2).standard_normal((3, 5000))
-    amplitudes = coordinates.ridge_fit(gram(columns, np.array([2.0, -1.0, 0.5]) @ columns), [1, 2], [0])
+    amplitudes = coordinates.ridge_fit(gram(columns, np.array([2.0, -1.0, 0.5]) @ columns), [1, 2], 1e-3, [0])
     assert amplitudes == pytest.approx([2.0, -1.0, 0.5], rel=2e-3)
 
 
@@ -26,9 +26,9 @@ def test_a_column_that_is_hardly_excited_is_drawn_to_zero_and_a_nuisance_is_not(
     """Its power is a hundredth of the ridge."""
     columns = np.random.default_rng(2).standard_normal((2, 5000)) * np.array([[1.0], [1e-2 * np.sqrt(1e-3) * 10.0]])
     g = gram(columns, columns[0] + 3.0 * columns[1])
-    drawn = coordinates.ridge_fit(g, [0, 1])
+    drawn = coordinates.ridge_fit(g, [0, 1], 1e-3)
     assert drawn[0] == pytest.approx(1.0, rel=0.01) and 0.0 < drawn[1] < 0.1
-    assert coordinates.ridge_fit(g, [0], [1])[0] == pytest.approx(3.0, rel=2e-3)
+    assert coordinates.ridge_fit(g, [0], 1e-3, [1])[0] == pytest.approx(3.0, rel=2e-3)
 
 
 def evidence(*deviations: float) -> Any:

@@ -17,7 +17,7 @@ from stagectl.gap.selection.linearised import Predicted
 
 SPEED = CoordinateBasis("speed", lambda m: m.velocity, hats(np.array([0.0, 1.0, 2.0])), 0.0, 2.0)
 PLACE = SPEED._replace(coordinate="position")
-FIT = ShapeFit(SPEED, (EVEN, ODD), 100.0, 0.8, 10.0)
+FIT = ShapeFit(SPEED, (EVEN, ODD), 100.0, 0.8, 10.0, 1e-3)
 NOTHING: Any = None
 
 
@@ -57,6 +57,8 @@ def test_the_force_of_a_shape_is_even_plus_odd_in_the_direction() -> None:
     assert force[[0, len(grid) // 2, -1]] == pytest.approx([1.0, 1.0, 5.0])
     grid, force = shape_fits._force(PLACE, {EVEN: np.array([1.0, 2.0, 3.0])})
     assert grid[0] == 0.0 and force == pytest.approx(1.0 + grid)
+    against = {EVEN: np.array([1.0, 2.0, 3.0]), ODD: np.array([-1.0, -2.0, -3.0])}  # nothing of it in the + direction
+    assert shape_fits._force(PLACE, against)[1] == pytest.approx(2.0 + 2.0 * grid)
 
 
 def test_what_is_predicted_counts_clear_shapes_and_the_clock_over_all_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,7 +88,7 @@ def test_a_shape_predicts_what_the_folds_share() -> None:
         folds.append(rows @ rows.T)
     free = np.array(folds)
     power = float(9.0 * column @ column)
-    gain, share, limit = shape_fits._predicted(free, [0], [1], 0.5 * power)
+    gain, share, limit, _ = shape_fits._predicted(free, [0], [1], 0.5 * power)
     assert gain == pytest.approx(2.0 * power, rel=1e-2) and share == pytest.approx(2.0 / 1.5, rel=1e-2)
     assert limit == pytest.approx(gain * 4.0 / 9.0) and shape_fits._predicted(free, [0], [], 0.0)[2] == 0.0
 

@@ -14,7 +14,10 @@ from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
+from stagectl.number_format import Travel
 from tests.gap.drawn import by_night, diagnosed, drawn
+
+TRAVEL = Travel(1.0, "m", rotary=False)
 
 
 @pytest.mark.parametrize(
@@ -77,8 +80,8 @@ def test_a_band_holds_what_lies_in_it() -> None:
 
 def test_words_of_a_band() -> None:
     shape = UnknownTerm("frequency", np.array([10.0, 20.0]), np.array([0.1, 0.4]), 0.8)
-    assert verdict_text.where_unknown(shape).startswith("it oscillates, most near 20 Hz")
-    assert "another current" in verdict_text.where_unknown(shape._replace(block="drive"))
+    assert verdict_text.where_unknown(shape, TRAVEL).startswith("it oscillates, most near 20 Hz")
+    assert "another current" in verdict_text.where_unknown(shape._replace(block="drive"), TRAVEL)
 
 
 @pytest.mark.parametrize(
@@ -100,4 +103,11 @@ def test_one_line_in_time_comes_from_outside(lines: tuple[float, float], of_laws
     if term is not None:
         assert (term.coordinate, term.line) == ("frequency", pytest.approx(17.3, abs=0.05))
         assert term.predicted == pytest.approx(4.5 / 5.5, abs=0.05)
-        assert "17.3 Hz" in verdict_text.where_unknown(term)
+        assert "17.3 Hz" in verdict_text.where_unknown(term, TRAVEL)
+
+
+def test_a_narrow_force_has_a_place() -> None:
+    grid = np.linspace(-0.05, 0.05, 241)
+    pulse = UnknownTerm("position", grid, np.exp(-0.5 * ((grid - 0.015) / 1e-3) ** 2), 0.8)
+    assert "near 15.0 mm" in verdict_text.where_unknown(pulse, TRAVEL)
+    assert verdict_text.narrow_place(pulse._replace(force=np.sin(100.0 * grid))) is None
