@@ -176,6 +176,23 @@ def test_gaps_are_passed_over(folder: Path) -> None:
     assert check.agrees and check.harmless == {"gap"}
 
 
+def _wound_otherwise(columns: Columns) -> Columns:
+    """Behind a limit of 3 A, out of which the integrator comes with 50 mA less than it went in with, each time."""
+    command = columns["current_command_A"]
+    at = np.abs(command) >= 3.0
+    taken = 0.05 * np.cumsum(np.diff(at.astype(float), prepend=0.0) < 0.0)
+    columns["current_command_A"] = np.clip(np.where(at, command, command - taken), -3.0, 3.0)
+    return columns
+
+
+@pytest.mark.parametrize(("gain", "agrees"), [(1.0, True), (1.05, False)])
+def test_what_the_integrator_does_at_the_limit_is_taken_from_the_log(folder: Path, gain: float, agrees: bool) -> None:
+    """A wrong gain differs away from the limit as well."""
+    rewrite(folder / "sine-1.csv", _wound_otherwise)
+    check = controller(folder, lambda c: {"command_limit_A": 3.0, "Kd": c["Kd"] * gain})
+    assert check.agrees is agrees and ("limit" in check.harmless) is agrees
+
+
 def test_a_command_in_steps_agrees_within_one(folder: Path) -> None:
     def stepped(columns: Columns) -> Columns:
         columns["current_command_A"] = 0.004 * np.rint(columns["current_command_A"] / 0.004)

@@ -28,7 +28,7 @@ class CommandCheck(NamedTuple):
     log: str = ""  # of the largest difference
     time: float = math.nan  # s, of the largest difference
     cause: Cause | None = None  # where it does not agree
-    harmless: frozenset[str] = frozenset()  # kinds of differences that did not count: gap | beginning | corner
+    harmless: frozenset[str] = frozenset()  # kinds of differences that did not count: gap | limit | beginning | corner
 
     @property
     def checked(self) -> bool:

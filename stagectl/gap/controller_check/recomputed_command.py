@@ -1,5 +1,6 @@
 """The command of each log recomputed with the deployed law, without the rows in which a difference means nothing."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from stagectl.recording.replay import recomputed
 class Harmless(NamedTuple):
     """A difference that does not count."""
 
-    kind: str  # gap | beginning | corner
+    kind: str  # gap | limit | beginning | corner
     words: str
 
 
@@ -70,7 +71,7 @@ def _compared(p: law.Law, log: Log, dt: float, allowed: float) -> Comparison:
     commands = _as_logged(terms[:, law.OUTPUT_COLUMNS["command"]], log.command, p.current_limit)
     difference, gaps = _after_gaps(log.command - commands, log, dt)
     harmless = [gaps]
-    for without in (_beginning, _corners):
+    for without in (functools.partial(_at_limit, commands=commands, limit=p.current_limit), _beginning, _corners):
         if np.nanmax(np.abs(difference), initial=0.0) > allowed:
             difference, kind = without(difference, log, dt, allowed)
             harmless.append(kind)
@@ -110,6 +111,24 @@ def _levelled(difference: Array, counts: NDArray[np.bool_], forgotten: int) -> t
             largest = max(largest, abs(offset))
             levelled[start:end] -= offset
     return levelled, largest
+
+
+def _at_limit(difference: Array, log: Log, dt: float, allowed: float, commands: Array, limit: float) -> _Remaining:
+    """Without rows where one of the commands is at the controller's `limit` (A), and without what its integrator keeps.
+
+    Every controller keeps its integrator from winding up in a way of its own.
+    """
+    assert log.command is not None
+    at = np.maximum(np.abs(log.command), np.abs(commands)) >= limit * (1.0 - LIMIT_ROUNDED)
+    left, _ = _levelled(difference, ~at & np.isfinite(difference), 0)
+    if not np.any(at) or np.nanmax(np.abs(left), initial=0.0) > allowed:  # it is not the limit
+        return difference, None
+    worst = float(np.nanmax(np.abs(difference)))
+    words = (
+        f"where the command reaches its limit of {limit:.4g} A, the integrator runs otherwise than in the law that is "
+        f"described: the command differs by up to {worst:.2g} A there, and these rows do not count"
+    )
+    return left, Harmless("limit", words)
 
 
 def _beginning(difference: Array, log: Log, dt: float, allowed: float) -> _Remaining:
