@@ -78,7 +78,7 @@ def _effect(
         alternatives=_alternatives(name, selected),
         probability=selected.probability[name],
         share=0.0,
-        parameters=_with_period(values, session),
+        parameters=_in_order(values, session),
         block=fitted.effect.block,
         fields=fields_of(before, now.equipped.stage),
         coordinate=fitted.effect.coordinate,
@@ -145,8 +145,10 @@ def with_limit(values: dict[str, Value], fitted: EffectValues, before: Stage) ->
     return {place.rpartition(".")[2]: Value(at(depth.value), at(depth.high), at(depth.low), unit)}
 
 
-def _with_period(values: dict[str, Value], session: Session) -> dict[str, Value]:
-    """The values; of a map its period first, as an order says nothing where the pitch is not known."""
+def _in_order(values: dict[str, Value], session: Session) -> dict[str, Value]:
+    """The values, what tells most first: the gap of a backlash; of a map its period, as an order needs the pitch."""
+    if "gap" in values:
+        return {"gap": values["gap"], **values}
     if next(iter(values), "") != "order":
         return values
     order, pitch = values["order"], session.stage.mechanics.pitch
