@@ -39,6 +39,18 @@ function shade(plot, panel) {
   ctx.restore();
 }
 
+// Words that a curve does not strike out.
+function written(ctx, words, x, y) {
+  ctx.save();
+  ctx.setLineDash([]);
+  ctx.lineJoin = "round";
+  ctx.lineWidth = 4 * devicePixelRatio;
+  ctx.strokeStyle = "#fff";  // the plate of a plot, in the dark too
+  ctx.strokeText(words, x, y);
+  ctx.restore();
+  ctx.fillText(words, x, y);
+}
+
 // Levels, single places and words beside a place, as the picture has them.
 function mark(plot, panel) {
   const { ctx, bbox } = plot, scale = devicePixelRatio, said = [];
@@ -59,15 +71,18 @@ function mark(plot, panel) {
     const above = up(y[1], 1) - 5 * scale, height = above > bbox.top + 12 * scale ? above : above + 20 * scale;
     const edges = said.filter((other) => Math.abs(other.height - height) < 12 * scale).map((other) => other.right);
     const edge = Math.max(across(x[0], 0) + 6 * scale, ...edges);  // right of a label that stands there already
-    ctx.fillText(label, edge, height);
-    said.push({ height, right: edge + ctx.measureText(label).width + 12 * scale });
+    said.push({ label, colour, edge, height, right: edge + ctx.measureText(label).width + 12 * scale });
+  }
+  for (const { label, colour, edge, height } of said) {
+    ctx.fillStyle = colour;
+    written(ctx, label, edge, height);
   }
   for (const { x, y, offset, words, colour } of panel.notes) {
     const at = across(x, 0), within = (value, low, high) => Math.min(Math.max(value, low), high);
     if (at < bbox.left - 1 || at > bbox.left + bbox.width + 1) continue;  // the zoom leaves its place out
     ctx.fillStyle = colour;  // where all of it is seen
     const left = within(at + offset[0] * 4 / 3 * scale, bbox.left, bbox.left + bbox.width - ctx.measureText(words).width);
-    ctx.fillText(words, left, within(up(y, 0) - offset[1] * 4 / 3 * scale, bbox.top + 12 * scale, bbox.top + bbox.height - 4 * scale));
+    written(ctx, words, left, within(up(y, 0) - offset[1] * 4 / 3 * scale, bbox.top + 12 * scale, bbox.top + bbox.height - 4 * scale));
   }
   ctx.restore();
 }
