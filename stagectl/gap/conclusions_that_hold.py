@@ -7,9 +7,9 @@ from stagectl.gap.inference import verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise
 from stagectl.gap.logs.session import Session
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.select import Selection
 from stagectl.gap.steps import Step, StepTimer
 from stagectl.gap.validation.validate import Validation, refuted_words, validate
 

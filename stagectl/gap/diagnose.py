@@ -44,9 +44,9 @@ from stagectl.gap.result.diagnosis import (
 )
 from stagectl.gap.result.verdict_text import sentence
 from stagectl.gap.selection import bristle_shape, candidates, null_ensemble, refine, select
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library, library_of
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.select import Selection
 from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
 from stagectl.gap.validation.validate import confirmed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
-from stagectl.gap.selection import candidates, select
+from stagectl.gap.selection import candidates, established
 from stagectl.gap.selection.candidates import EffectValues
 
 SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
@@ -24,9 +24,9 @@ def test_what_is_smaller_than_a_trace_is_no_effect() -> None:
     usual = cogging.amplitudes[0].typical[0]
     for share, trace in ((0.1, True), (0.12, False)):
         values = {"order": 18.0, "sine": share * usual, "cosine": -share * usual}
-        assert select.is_trace(EffectValues(cogging, values)) == trace
+        assert established.is_trace(EffectValues(cogging, values)) == trace
     backlash = next(effect for effect in definitions(SIZE) if effect.name == "backlash")
-    assert not select.is_trace(EffectValues(backlash, {"gap": 0.0}))
+    assert not established.is_trace(EffectValues(backlash, {"gap": 0.0}))
 
 
 def test_no_frequency_is_tried_that_no_row_tells() -> None:

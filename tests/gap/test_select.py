@@ -52,7 +52,9 @@ def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     effect = SimpleNamespace(name=name, block=EFFECTS[name].block, resonant=bends, nonlinear=bends)
     valued, after = SimpleNamespace(effect=effect), cast("Any", SimpleNamespace(effects=()))
     verdict = SimpleNamespace(of_sets=lambda: {frozenset[str](): 0.1, frozenset([name]): 0.9}, best=lambda _: None)
-    at = SimpleNamespace(verdict=verdict, explained=lambda _: 0.35, values=lambda _: [valued], excess=MISSING)
+    at = SimpleNamespace(
+        verdict=verdict, empty=0.1, explained=lambda _: 0.35, values=lambda _: [valued], excess=MISSING
+    )
     monkeypatch.setattr(linearised, "linearised", lambda *_, **__: at)
     monkeypatch.setattr(linearised, "excess", lambda *_: LEFT)
     monkeypatch.setattr(linearised, "strokes", lambda _: 10)
@@ -270,3 +272,33 @@ def test_another_late_drive_is_alike_where_neither_explains_what_the_other_leave
     names = ("current_loop", "dead_time", "stribeck")
     found = drive_alikes.without_unlike(cast("Any", None), _library(*names), cast("Any", now), lag)
     assert ("dead_time" in {form.effect.name for form in found.forms}) is alike
+
+
+def test_a_set_that_leaves_what_a_function_predicts_is_tried_with_one_effect_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Effects that explain the same share the probability of the pairs: the first of these that stands is taken."""
+    sets = {("a",): 0.4, ("a", "b"): 0.25, ("a", "c"): 0.2, ("d",): 0.1, (): 0.03, ("a", "e"): 0.02}
+    verdict = SimpleNamespace(
+        of_sets=lambda: {frozenset(names): p for names, p in sets.items()}, best=lambda item: item
+    )
+    effects = {name: SimpleNamespace(name=name, block="mechanics", resonant=False, nonlinear=False) for name in "abcde"}
+    valued = {name: SimpleNamespace(effect=effect) for name, effect in effects.items()}
+    at = SimpleNamespace(verdict=verdict, values=lambda item: [valued[name] for name in sorted(item)])
+    monkeypatch.setattr(linearised, "linearised", lambda *_: at)
+    monkeypatch.setattr(select, "_grown", lambda e, now, added, starts: [one.effect.name for one in added] or None)
+    monkeypatch.setattr(select, "_first_of", lambda e, now, added, starts, together: together)
+    tried: list[Any] = []
+
+    def stands(e: Any, library: Any, now: Any, after: Any) -> Any:
+        tried.append(after)
+        return after if after == right else None
+
+    monkeypatch.setattr(select, "_that_stands", stands)
+    nothing = cast("Any", None)
+    for right, expected in ((["a", "c"], 3), (["a"], 1)):
+        tried.clear()
+        assert select._with_more(nothing, nothing, nothing, lambda: ()) == right and len(tried) == expected
+    right = ["a", "e"]  # whose odds against the best set are 1 to 20
+    tried.clear()
+    assert select._with_more(nothing, nothing, nothing, lambda: ()) is None and tried == [["a"], ["a", "b"], ["a", "c"]]

@@ -29,8 +29,8 @@ from stagectl.gap.logs.log_start import LogStart
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.half_strokes import kept, standstills
 from stagectl.gap.result.diagnosis import DiagnosisResult, NextExperiment
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.select import Selection
 from stagectl.gap.validation.rollouts import Rollout
 from stagectl.kernels.stage import Stage
 from stagectl.parallel import in_parallel

@@ -11,8 +11,8 @@ from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.effects.effect import CONTROLLER, DRIVE, MECHANICS
 from stagectl.gap.result.diagnosis import BLOCKS, NAMED, PARAMETERS, UNEXPLAINED, Coordinate, FoundEffect, Part
 from stagectl.gap.selection import refine
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.select import Selection
 
 
 def parts_of(e: Evidence, selected: Selection, found: Sequence[FoundEffect]) -> tuple[Part, ...]:

@@ -24,10 +24,10 @@ from stagectl.gap.result.diagnosis import NAMED, UnknownTerm
 from stagectl.gap.selection import linearised, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.constants import INCLUSION
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.material import without
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.select import Selection
 
 
 class BesideUnknown(NamedTuple):

@@ -17,9 +17,9 @@ from stagectl.gap.inference.signatures import DriveSignature, signatures
 from stagectl.gap.inference.value_errors import errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import NAMED, Coordinate, FoundEffect, Part, Spans, UnknownTerm
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.select import Selection
 from stagectl.kernels.stage import Stage
 
 

@@ -16,11 +16,11 @@ from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.cable_centre import BIAS
 from stagectl.gap.inference.parameter_errors import shift_odds
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.selection import constants, linearised, material, refine, select
+from stagectl.gap.selection import constants, established, linearised, material, refine, select
 from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.established import Say, Selection
 from stagectl.gap.selection.linearised import Library, Linearised
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.select import Say, Selection
 
 
 class Compared(NamedTuple):
@@ -57,10 +57,10 @@ def settled(e: Evidence, library: Library, selected: Selection, say: Say) -> tup
         return e, _weighed(selected, compared)
     say(f"{', '.join(valued.effect.name for valued in instead)} in the place of the bias")
     after = refine.refine(compared.fixed, compared.nominal.model, select.joined(compared.nominal.effects, instead))
-    established = select.established(compared.fixed, library, after, say)
-    if not {v.effect.name for v in instead} & {v.effect.name for v in established.fitted.effects}:
+    standing = established.established(compared.fixed, library, after, say)
+    if not {v.effect.name for v in instead} & {v.effect.name for v in standing.fitted.effects}:
         return e, _weighed(selected, compared)  # nothing stands in its place
-    return compared.fixed, _weighed(established, compared)
+    return compared.fixed, _weighed(standing, compared)
 
 
 def _matters(e: Evidence, now: Fitted) -> bool:

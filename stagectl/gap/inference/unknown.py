@@ -19,9 +19,9 @@ from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library, Predicted
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.select import Selection
 
 KINDRED = {"position": "position_mod_pitch", "position_mod_pitch": "position"}  # an error of form shows in both
 

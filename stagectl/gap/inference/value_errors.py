@@ -22,10 +22,10 @@ from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.residuals.thresholds import LEAST_BLOCKS
 from stagectl.gap.selection import baseline_fit, constants, linearised
 from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.established import Say, Selection, dropped
 from stagectl.gap.selection.evidence import temper
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.select import Say, Selection, dropped
 
 CLOCK, EXPERIMENT = "clock", "experiment"
 COORDINATES: Mapping[str, Callable[[RunMotion, float], Array]] = {

@@ -13,9 +13,9 @@ from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.candidates import EffectValues, equipped
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.material import refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.select import Selection
 from stagectl.kernels.fields import get
 from stagectl.kernels.stage import Stage
 from stagectl.units import unit_on

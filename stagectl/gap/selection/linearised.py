@@ -76,6 +76,11 @@ class Linearised(NamedTuple):
         """Of the cuts of `excess`, each times the power of its likelihood."""
         return max(power * cut for power, cut in zip(self.powers, self.excess, strict=True))
 
+    @property
+    def empty(self) -> float:
+        """Probability that no effect joins."""
+        return self.verdict.of_sets().get(frozenset(), 0.0)
+
     def values(self, chosen: Weighed) -> list[EffectValues]:
         """The effects of a set, with their most probable sizes."""
         members = [self.candidates[k] for k in chosen.members]

@@ -21,8 +21,8 @@ from stagectl.gap.residuals.whitening import Whitener
 from stagectl.gap.result.diagnosis import NOISE, PARAMETERS, UNEXPLAINED, Gap, Trace
 from stagectl.gap.selection import priors, refine
 from stagectl.gap.selection.candidates import equipped
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.select import Selection
 from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.gap.validation.thresholds import BLOCKS, OPEN_ABOVE_FLOOR, OPEN_CLOSURE

@@ -10,8 +10,8 @@ from stagectl.gap.inference.beside_unknown import stands
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.logs.session import Log, Session
 from stagectl.gap.result.diagnosis import NAMED, FoundEffect
+from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.select import Selection
 from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.closure import Closure, closure, effort
 from stagectl.gap.validation.thresholds import NEARLY_CLOSEST

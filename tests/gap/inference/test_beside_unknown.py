@@ -14,7 +14,7 @@ from stagectl.gap.inference.beside_unknown import of_kin, stands
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import linearised, waves
 from stagectl.gap.selection.constants import INCLUSION
-from stagectl.gap.selection.select import Selection
+from stagectl.gap.selection.established import Selection
 
 NOTHING: Any = None
 FIELDLESS = np.zeros(0)

@@ -11,7 +11,7 @@ import pytest
 import stagectl as sc
 from stagectl.gap.inference import constant_force
 from stagectl.gap.result.diagnosis import FoundEffect
-from stagectl.gap.selection import refine, select
+from stagectl.gap.selection import established, refine, select
 from tests.gap.captured import CONFIG, as_csv
 from tests.gap.drawn import by_night, diagnosed, drawn
 
@@ -86,7 +86,8 @@ def test_where_nothing_stands_in_its_place_the_bias_stays_free(monkeypatch: pyte
     for place, value in (
         (constant_force, {"_compared": lambda *_: compared, "_matters": lambda *_: True}),
         (refine, {"nuisances": lambda _: ["bias"], "refine": lambda *_: None}),
-        (select, {"established": lambda *_: after, "joined": lambda *_: []}),
+        (established, {"established": lambda *_: after}),
+        (select, {"joined": lambda *_: []}),
     ):
         for name, stub in value.items():
             monkeypatch.setattr(place, name, stub)

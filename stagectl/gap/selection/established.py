@@ -1,0 +1,119 @@
+"""Which effects of a fitted model stand: each is taken out in turn and compared with all others in its place.
+
+What is left of the model is what the diagnosis names, with the probability of each effect, and its rivals.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from stagectl.gap.selection import constants, drive_alikes, linearised, waves
+from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.linearised import Library, Linearised, Remains
+from stagectl.gap.selection.material import is_material, refitted_without, without
+from stagectl.gap.selection.refine import Evidence, Fitted
+
+Say = Callable[[str], None]
+
+
+class Selection(NamedTuple):
+    """The effects that the evidence selects, and how well each of them is established."""
+
+    fitted: Fitted
+    left: linearised.Cuts  # sum of squares above the floor that nothing of the model explains
+    probability: dict[str, float]  # of each effect, and of a bias that is off
+    alternatives: dict[str, dict[str, float]]  # of each effect: odds of others in its place against it
+    gains: dict[str, float]  # of each effect: sum of squares that nothing else of the model explains
+    rivals: dict[str, dict[str, EffectValues]]  # the comparable alternatives, with their values
+
+
+def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
+    """Every effect of `now` taken out in turn; the one whose place is most probably empty is dropped, then the next.
+
+    What a simulation makes no larger than a trace is dropped first, whatever the evidence around the model says of it,
+    but for what would be missing without it.
+    """
+    present = linearised.remains(e, library, now)
+    lines = {valued.effect.name: wave for valued in now.effects if (wave := waves.wave(e, now, valued))}
+    others = [valued for valued in now.effects if valued.effect.name not in lines]
+    small = (valued for valued in others if is_trace(valued) and not is_material(e, library, now, valued))
+    if trace := next(small, None):
+        return dropped(e, library, now, trace.effect.name, say)
+    selection = Selection(now, present.excess, {}, {}, {}, {})
+    for name, wave in lines.items():
+        _enter_wave(e, library, selection, name, wave)
+    empty = {}
+    for valued in others:
+        at, most = _in_the_place_of(e, library, now, present, valued)
+        selection.gains[valued.effect.name] = sum(at.excess) - sum(present.excess)
+        empty[valued.effect.name] = max(at.empty, 1.0 - most)
+        _enter(selection, at, valued.effect.name, most)
+        if valued.effect.name in constants.SCALING:
+            _enter_scales(selection, drive_alikes.other_scales(e, library, now), valued.effect.name)
+    weak = max(empty, key=empty.__getitem__, default="")
+    if not weak or empty[weak] <= 1.0 - constants.KEPT:
+        return selection
+    return dropped(e, library, now, weak, say)
+
+
+def _in_the_place_of(
+    e: Evidence, library: Library, now: Fitted, present: Remains, valued: EffectValues
+) -> tuple[Linearised, float]:
+    """The sets that may stand in the place of an effect of `now`, and how probable its simulation lets it be at most.
+
+    It is no trace where it explains what is missing.  `present` is what `now` leaves.
+    """
+    rest = without(e, now, valued)
+    at = linearised.linearised(e, library, rest, valued)
+    most = linearised.simulated(valued, linearised.remains(e, library, rest), present, at.powers)
+    probability = min(at.verdict.of_effects().get(valued.effect.name, 0.0), most)
+    if probability >= constants.KEPT or not is_material(e, library, now, valued):
+        return at, most
+    library = drive_alikes.without_unlike(e, library, now, valued)
+    return linearised.linearised(e, library, rest, valued, traces=False), most
+
+
+def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
+    """What is established of the other effects, without the effect `name`."""
+    say(f"dropped {name}")
+    return established(e, library, refitted_without(e, now, {name}), say)
+
+
+def is_trace(valued: EffectValues) -> bool:
+    """Whether an effect is no larger than what every machine has of it; one whose column bends has no trace."""
+    sizes = [valued.values[a.name] / a.typical[0] for a in valued.effect.amplitudes]
+    return not valued.effect.nonlinear and math.hypot(*sizes) < constants.IMMATERIAL
+
+
+def _enter(selection: Selection, at: Linearised, name: str, most: float) -> None:
+    """What the evidence says of the effect `name` that was taken out, and of others in its place.
+
+    It is no more probable than `most`.
+    """
+    sets = [item for item in at.verdict.sets if name not in item.effects]
+    present = at.verdict.of_effects().get(name, 0.0)
+    odds: dict[str, float] = {}
+    rivals: dict[str, EffectValues] = {}
+    for item in sets:
+        for other in item.effects:
+            odds[other] = odds.get(other, 0.0) + item.probability / max(present, 1e-300)
+    for other in (other for other, ratio in odds.items() if ratio >= constants.COMPARABLE):
+        best = next(item for item in sets if other in item.effects)
+        rivals[other] = next(valued for valued in at.values(best) if valued.effect.name == other)
+    selection.probability[name] = min(present, most)
+    selection.alternatives[name] = dict(sorted(odds.items(), key=lambda pair: -pair[1]))
+    selection.rivals[name] = rivals
+
+
+def _enter_wave(e: Evidence, library: Library, selection: Selection, name: str, wave: waves.Wave) -> None:
+    """A wave of the position stands by its line: the evidence of all that is missing says little of it."""
+    selection.probability[name] = wave.probability
+    selection.gains[name] = sum(linearised.excess(e, library, wave.rest)) - sum(selection.left)
+    selection.alternatives[name], selection.rivals[name] = {}, {}
+
+
+def _enter_scales(selection: Selection, others: Sequence[Fitted], name: str) -> None:
+    """What explains the same as the effect `name`, with another inertia and another friction, is as probable."""
+    for other in (fitted.effects[-1] for fitted in others):
+        selection.alternatives[name] = {other.effect.name: 1.0, **selection.alternatives[name]}
+        selection.rivals[name][other.effect.name] = other
