@@ -50,7 +50,7 @@ def _promising(
     """Of each effect's places those that explain most of `part`, the best effect first; all where `part` is all."""
     if len(part.runs) == len(e.runs):
         return places
-    ranked = [sorted((_left(_looked_at(part, now, place)), k) for k, place in enumerate(of)) for of in places]
+    ranked = [sorted((_left(_after_few_steps(part, now, place)), k) for k, place in enumerate(of)) for of in places]
     best_first = sorted(zip(ranked, places, strict=True), key=lambda pair: pair[0][0])
     return [[of[k] for _, k in order[:PROMISING_PLACES]] for order, of in best_first]
 
@@ -69,15 +69,11 @@ def _left(fitted: Fitted) -> float:
     return left if math.isfinite(left) else math.inf
 
 
-def _looked_at(part: Evidence, now: Fitted, place: EffectValues) -> Fitted:
-    """The first step from a place; a resonance has to come near its frequency before its sum of squares tells."""
-    if place.effect.resonant:
-        return _after_few_steps(part, now, place)
-    return refine.first_step(part, now.model, [*now.effects, place])
-
-
 def _after_few_steps(e: Evidence, now: Fitted, place: EffectValues, rival: float = math.inf) -> Fitted:
-    return refine.refine(e, now.model, [*now.effects, place], RESONANT_STEPS, rival)
+    effects = [*now.effects, place]
+    if place.effect.resonant:
+        return refine.refine(e, now.model, effects, RESONANT_STEPS, rival)
+    return refine.first_step(e, now.model, effects)
 
 
 def telling(missing: Array, rows: Array) -> Array:
