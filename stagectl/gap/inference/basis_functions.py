@@ -73,7 +73,7 @@ def functions(
     `efforts` (m,) of each run are what the base leaves of the effort.
     """
     motions = [motion_of(run, size) for run in runs]
-    bases = bases_of(size, motions, places(size, motions, efforts))
+    bases = bases_of(size, motions, place_nodes(size, motions, efforts))
     empty = BasisColumns(filtering, runs, size, motions, bases, known, {}, None)
     columns = columns_of(empty, dict.fromkeys((EVEN, ODD), bases))
     products = {}
@@ -128,7 +128,7 @@ def waves(pitch: float, orders: Sequence[float]) -> Basis:
     return basis
 
 
-def places(size: Scales, motions: Sequence[RunMotion], efforts: Sequence[Array]) -> Array:
+def place_nodes(size: Scales, motions: Sequence[RunMotion], efforts: Sequence[Array]) -> Array:
     """Nodes over the position: half of them evenly spaced, half where most of the `efforts` (m,) of each run is left.
 
     A damaged place is narrow.  Beside a reversal, what is left belongs to the friction and not to the place.
@@ -144,10 +144,10 @@ def places(size: Scales, motions: Sequence[RunMotion], efforts: Sequence[Array])
     return nodes
 
 
-def bases_of(size: Scales, motions: Sequence[RunMotion], places: Array) -> list[CoordinateBasis]:
+def bases_of(size: Scales, motions: Sequence[RunMotion], over_place: Array) -> list[CoordinateBasis]:
     """One basis for each coordinate of a motion, on grids that suit this machine's sizes; time has its own.
 
-    `places` are the nodes over the position.
+    `over_place` (k,) are the nodes over the position.
     """
     speeds = np.concatenate([[0.0], np.geomspace(thresholds.SLOWEST_NODE, 1.0, thresholds.SPEED_NODES)]) * size.speed
     zone = np.concatenate(
@@ -170,7 +170,7 @@ def bases_of(size: Scales, motions: Sequence[RunMotion], places: Array) -> list[
         _over("acceleration", lambda m: m.acceleration, np.linspace(-largest, largest, thresholds.ACCELERATION_NODES)),
         CoordinateBasis("direction", lambda m: m.velocity, lambda x: np.ones((1, len(x))), -size.speed, size.speed),
         _over("displacement_since_reversal", lambda m: m.since, np.concatenate([zone, beyond])),
-        _over("position", lambda m: m.position, places),
+        _over("position", lambda m: m.position, over_place),
         CoordinateBasis("position_mod_pitch", lambda m: m.position, waves(size.pitch, orders), 0.0, size.pitch),
         # Where one current is all that was logged, what a model leaves is a part of that very current.
         *([current] if size.commanded and size.measured else []),

@@ -13,6 +13,7 @@ _NOTHING_CHANGED = ("none", "not-identifiable")  # verdicts under which the mode
 MOST = 3  # effects in the sentence, parameters in it, and spans in a line; chosen for one line each
 FLOORS = 2.0  # times the floor: a larger gap is not closed; from the issue that asked for it
 _MOSTLY = 0.5  # of the gap, surely closed: the model is off, whether or not a parameter stands out; chosen
+_TOGETHER = 0.5  # of a force's power, within `_NARROW` of its top: most of it lies there; by definition
 _NARROW = 0.04  # of the stroke, to either side: a force that lies closer together has a place; chosen
 _SMALL = 0.005  # share of the gap below which its size is not stated
 _LIKELY = 0.3  # probability from which an effect that is not named is mentioned
@@ -206,7 +207,7 @@ def narrow_place(term: UnknownTerm) -> float | None:
     power = (term.force - np.median(term.force)) ** 2
     top, reach = int(power.argmax()), max(round(_NARROW * len(power)), 1)
     near = float(power[max(top - reach, 0) : top + reach + 1].sum())
-    return float(term.grid[top]) if near > _MOSTLY * float(power.sum()) else None
+    return float(term.grid[top]) if near > _TOGETHER * float(power.sum()) else None
 
 
 def _distance(result: DiagnosisResult) -> str:

@@ -66,18 +66,19 @@ def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
         if standing is not None:
             return standing
     added = at.values(at.verdict.best(sets[0]))
-    return _grown(e, now, [valued for valued in added if valued.effect.block == DRIVE], _if_bent(added, tried))
+    drive = [valued for valued in added if valued.effect.block == DRIVE]
+    return _grown(e, now, drive, _if_bent(drive, tried)) if len(drive) < len(added) else None
 
 
 def _and_wider(sets: Mapping[frozenset[str], float]) -> list[frozenset[str]]:
-    """The most probable of the `sets`, and those that hold it and more and are comparable with it.
+    """The first of the `sets`, the most probable one, and those that hold it and more and are comparable with it.
 
     Of what explains a little, much may be left that a second effect explains; where several explain it about as well,
     they share its probability, and the set without any of them is the most probable one.
     """
-    best = max(sets, key=sets.__getitem__)
-    wider = [item for item in sets if best < item and sets[item] >= constants.COMPARABLE * sets[best]]
-    return [best, *(wider if best else ())]
+    best, *others = sets
+    least = constants.COMPARABLE * sets[best]
+    return [best, *(item for item in others if best and best < item and sets[item] >= least)]
 
 
 def _that_stands(e: Evidence, library: Library, now: Fitted, after: Fitted) -> Fitted | None:

@@ -91,10 +91,10 @@ def test_nodes_over_the_place_stand_where_most_is_left() -> None:
     size: Any = SimpleNamespace(centre=0.0, stroke=0.05, length=1e-5)
     position = np.linspace(-0.05, 0.05, 40_001)
     pulse = np.where(np.abs(position - 0.02) < 5e-4, 1.0, 0.0)
-    nodes = basis_functions.places(size, [_motion(position)], [pulse])
+    nodes = basis_functions.place_nodes(size, [_motion(position)], [pulse])
     assert nodes[[0, -1]] == pytest.approx([-0.05, 0.05]) and np.all(np.diff(nodes) > 0.0)
     assert np.sum(np.abs(nodes - 0.02) < 6e-4) == pytest.approx(0.5 * len(nodes), abs=1.5)
-    even = basis_functions.places(size, [_motion(position)], [np.zeros(len(position))])
+    even = basis_functions.place_nodes(size, [_motion(position)], [np.zeros(len(position))])
     assert even == pytest.approx(np.linspace(-0.05, 0.05, len(even)))
 
 
@@ -103,8 +103,8 @@ def test_what_is_left_beside_a_reversal_draws_no_node() -> None:
     position = np.linspace(-0.05, 0.05, 40_001)
     motion = _motion(position)._replace(since=position + 0.05)
     left = np.where(position < -0.046, 1.0, 0.0)
-    even = np.linspace(-0.05, 0.05, len(basis_functions.places(size, [motion], [left])))
-    assert basis_functions.places(size, [motion], [left]) == pytest.approx(even, abs=1e-12)
+    even = np.linspace(-0.05, 0.05, len(basis_functions.place_nodes(size, [motion], [left])))
+    assert basis_functions.place_nodes(size, [motion], [left]) == pytest.approx(even, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -106,3 +106,9 @@ def test_a_limit_is_told_as_the_drive_has_it(name: str, flag: dict[str, float], 
     assert (told, value.unit) == (place, unit)
     assert (value.value, value.low, value.high) == pytest.approx((0.9 * most, 0.75 * most, most))
     assert verdict.with_limit({}, fitted, ball_screw.stage) == {}
+
+
+def test_the_gap_of_a_backlash_comes_first(ball_screw: Setup) -> None:
+    values = {name: Value(x, x, x, "") for name, x in (("load_share", 0.3), ("resonance", 300.0), ("gap", 5e-6))}
+    session: Any = SimpleNamespace(stage=ball_screw.stage, kind="rotary")
+    assert list(verdict._in_order(values, session)) == ["gap", "load_share", "resonance"]
