@@ -146,7 +146,19 @@ def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fi
         return None
     left = linearised.excess(e, library, after)
     fits = nearly_all(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted)
+    fits = fits or (bent and _most_probable(e, library, now, after))
     return _that_stands(e, library, now, after) if fits else None
+
+
+def _most_probable(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
+    """Whether what `after` adds to `now` is in the most probable set, with its refined values as a place on the grid.
+
+    Away from its values, the column of an effect that bends explains little.
+    """
+    present = {valued.effect.name for valued in now.effects}
+    added = next(valued for valued in after.effects if valued.effect.name not in present)
+    likeliest = next(iter(linearised.linearised(e, library, now, added).verdict.of_sets()))
+    return added.effect.name in likeliest
 
 
 def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequence[EffectValues]) -> Fitted | None:
