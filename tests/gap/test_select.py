@@ -65,6 +65,35 @@ def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     assert (grown is after) == fitted and material.nearly_all(MISSING, LEFT, 10)
 
 
+@pytest.mark.parametrize(
+    ("name", "refined", "fitted"), [("compliance", 0.9, True), ("compliance", 0.1, False), ("cable_spring", 0.9, False)]
+)
+def test_a_resonance_is_judged_where_its_fit_has_found_it(
+    name: str, refined: float, fitted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fit that explains six tenths is kept where the evidence has it first with the refined values on the grid."""
+    bends = name == "compliance"
+    effect = SimpleNamespace(name=name, block=EFFECTS[name].block, resonant=bends, nonlinear=bends)
+    valued = SimpleNamespace(effect=effect)
+    now, after = (cast("Any", SimpleNamespace(effects=effects)) for effects in ((), (valued,)))
+
+    def at(*arguments: Any, **_: Any) -> Any:
+        odds = refined if valued in arguments else 0.9
+        sets = dict(sorted({frozenset[str](): 1 - odds, frozenset([name]): odds}.items(), key=lambda pair: -pair[1]))
+        verdict = SimpleNamespace(of_sets=lambda: sets, best=lambda _: None)
+        return SimpleNamespace(
+            verdict=verdict, empty=0.1, explained=lambda _: 0.35, values=lambda _: [valued], excess=MISSING
+        )
+
+    monkeypatch.setattr(linearised, "linearised", at)
+    monkeypatch.setattr(linearised, "excess", lambda *_: (400.0, 0.0))
+    monkeypatch.setattr(linearised, "strokes", lambda _: 10)
+    monkeypatch.setattr(select, "_grown", lambda *_: after)
+    monkeypatch.setattr(select, "_stands_against_functions", lambda *_: True)
+    library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
+    assert (select._with_small(cast("Any", None), library, now, lambda: ()) is after) == fitted
+
+
 @pytest.mark.parametrize(("present", "expected"), [("current_loop", "dead_time"), ("dead_time", "dead_time")])
 def test_what_makes_a_drive_late_is_decided_again_when_more_is_known(
     present: str, expected: str, monkeypatch: pytest.MonkeyPatch

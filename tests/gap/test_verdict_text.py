@@ -241,6 +241,15 @@ def test_a_gap_that_stays_is_not_told_in_shares() -> None:
     assert "closable gap" in verdict_text.sentence(before) and "significant" not in verdict_text.sentence(before)
 
 
+@pytest.mark.parametrize(("after", "left"), [(0.34e-6, False), (0.9e-6, True)])
+def test_what_effects_leave_above_the_floor_is_said(after: float, left: bool) -> None:
+    """Twice the floor is closed; above it, what is left has no cause that is known."""
+    shares = (("parameters", 0.1), ("viscous_asymmetry", 0.8), (UNEXPLAINED, 0.09), ("not repeatable", 0.01))
+    closed = Gap(2.9e-6, after, 0.21e-6, "rad", 0.9, 0.85, 0.95)
+    result = found("effects", gap=closed, gaps={}, shares=shares)
+    assert (" 9 % of the gap is left unexplained. " in verdict_text.sentence(result)) == left
+
+
 def test_it_says_where_and_when_and_counts_further_captures() -> None:
     capture = FOUND["effects"].captures[0]
     lines = remarks_text.where(found("effects", captures=(capture,) * 11))

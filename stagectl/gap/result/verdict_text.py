@@ -80,12 +80,21 @@ def _at_floor(result: DiagnosisResult, size: float) -> bool:
 _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
     "none": _none,
     "parameters": _parameters,
-    "effects": lambda r: f"{capital(_missing(r))}.",
+    "effects": lambda r: f"{capital(_missing(r))}.{_left(r)}",
     "effects+unknown": lambda r: f"{capital(_missing(r))}. {capital(_unknown(r))}.",
     "unknown": lambda r: f"{_known_part(r)}. {capital(_unknown(r))}.",
     "controller": _controller,
     "not-identifiable": _unidentifiable,
 }
+
+
+def _left(result: DiagnosisResult) -> str:
+    """How much the effects leave of a gap that stays well above its floor, though nothing orders it."""
+    share, gap = dict(result.shares).get(UNEXPLAINED, 0.0), headline(result)[1]
+    known = gap.floor > 0.0 and _shrinks(result)
+    if not known or _at_floor(result, gap.after) or not share > _SMALL:
+        return ""
+    return f" {capital(portion(share))} of the gap is left unexplained."
 
 
 def _known_part(result: DiagnosisResult) -> str:
