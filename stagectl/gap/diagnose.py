@@ -22,7 +22,7 @@ from stagectl.gap.controller_check.command_check import CommandCheck, check_comm
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
-from stagectl.gap.inference import attribution, cable_centre, constant_force, unknown, value_errors
+from stagectl.gap.inference import attribution, cable_centre, constant_force, search_beside, unknown, value_errors
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities, whitening
 from stagectl.gap.residuals.base_modes import modes
@@ -43,7 +43,7 @@ from stagectl.gap.result.diagnosis import (
     UnknownTerm,
 )
 from stagectl.gap.result.verdict_text import sentence
-from stagectl.gap.selection import bristle_shape, candidates, null_ensemble, refine, select
+from stagectl.gap.selection import bristle_shape, candidates, null_ensemble, refine
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library, library_of
 from stagectl.gap.selection.refine import Evidence
@@ -95,10 +95,10 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     timer.begin(Step.SEARCH)
     functions = unknown.functions(evidence, size, library)
     library = library._replace(predict=lambda e, now: unknown.predicted(e, now, functions))
-    selected = select.select(evidence, library, progress)
-    selected = value_errors.borne_out(evidence, library, selected, functions, progress)
-    selected = selected._replace(fitted=cable_centre.centred(evidence, selected.fitted))
-    evidence, selected = constant_force.settled(evidence, library, selected, progress)
+    at, beside, selected = search_beside.searched(evidence, library, functions, progress)
+    selected = value_errors.borne_out(at, beside, selected, functions, progress)
+    selected = selected._replace(fitted=cable_centre.centred(at, selected.fitted))
+    evidence, selected = search_beside.alone(*constant_force.settled(at, beside, selected, progress))
     fits = Fits(session, agreement, evidence, library, functions, options.excluded)
     said = conclusions_that_hold(fits, selected, timer)
     result = _answer(session, said)
@@ -177,7 +177,9 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
 def _answer(session: Session, said: Held) -> DiagnosisResult:
     conclusions, location, closure = said.conclusions, said.location, said.validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open or said.refuted else None)
-    effects = [confirmed(effect, closure) for effect in with_shares(conclusions.effects, closure.shares)]
+    effects = [
+        confirmed(effect, closure, conclusions.unknown) for effect in with_shares(conclusions.effects, closure.shares)
+    ]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
     return _empty(session, verdict)._replace(

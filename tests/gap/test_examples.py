@@ -33,6 +33,15 @@ def test_an_effect_that_is_in_no_library(tmp_path: Path) -> None:
     assert diagnosis.gap.closure > 0.6
 
 
+def test_an_effect_beside_what_is_in_no_library(tmp_path: Path) -> None:
+    """A swollen place of the rail hides the damping that warms up; a function of the position takes it away."""
+    diagnosis = diagnosed(drawn(tmp_path, 7101, "bump", "thermal_viscous", scale=4.0))
+    assert diagnosis.verdict == "effects+unknown" and diagnosis.unknown is not None
+    assert [effect.name for effect in diagnosis.named if not effect.parameter] == ["thermal_viscous"]
+    assert diagnosis.unknown.coordinate == "position" and diagnosis.unknown.predicted > 0.8
+    assert diagnosis.gap.closure > 0.6
+
+
 @by_night
 def test_a_drift_that_ends_early_behind_a_strong_effect(tmp_path: Path) -> None:
     """The axis is warm after the first round: what is left out of the data must not be that round alone."""

@@ -76,7 +76,8 @@ def _fits(
     e: Evidence, now: Fitted, products: Products, basis: CoordinateBasis, variants: Sequence[tuple[str, ...]]
 ) -> list[ShapeFit]:
     """What variants of one function predict; `products` hold its columns, and those of all free parameters."""
-    nuisances = [*refine.moving(e), *(direction.name for direction in refine.parameters(now))]
+    own = (direction.name for direction in refine.parameters(now))
+    nuisances = [*refine.moving(e), *own, *refine.free_names(e)]
     g = gram_matrices.fold_sums(products, means(now.residuals))
     free, floor = partialled_out(folds(g, g.effort), g.places(nuisances)), floor_of(e)
     machines = g.places(null_ensemble.member_names(products.names))

@@ -125,7 +125,7 @@ def linearised(
     small = [usual_sizes.immaterial(library.forms, g.places)] if traces else []
     left = left_of(g, nuisances, library.products, now)
     effort, current = (temper(cut, strokes(e)) for cut in (library.excess if traces else left))
-    start = _start(g, [*nuisances, *small], (effort, current))
+    start = start_of(g, [*nuisances, *small], (effort, current))
     return Linearised(start, tried, forms, left, (effort, current), compare(start, tried, APART))
 
 
@@ -174,7 +174,7 @@ def gain_of_strokes(without: Remains, present: Remains) -> float:
 def known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products:
     """The columns of base, friction's form, and the effects' own parameters."""
     own = sensitivities.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
-    names = [*refine.moving(e), *null_ensemble.member_names(library.products.names)]
+    names = [*refine.moving(e), *null_ensemble.member_names(library.products.names), *refine.free_names(e)]
     return gram_matrices.with_columns(gram_matrices.selected(library.products, names), own)
 
 
@@ -190,10 +190,11 @@ def as_form(valued: EffectValues) -> Form:
 
 
 def parameters(e: Evidence, now: Fitted, g: Grams) -> list[Prior]:
-    """Priors of the base, of the friction's form, and of the parameters of the effects in the model."""
+    """Priors of the base, of the friction's form, of the effects' parameters in the model, of the function beside."""
     base = usual_sizes.of_base(e.base.prior, now.model, refine.moving(e), g.places)
     form = usual_sizes.of_form_error(g.places(null_ensemble.member_names(g.names)))
-    return [base, form, usual_sizes.of_own(now, g.places)]
+    beside = [] if e.beside is None else [e.beside.prior(g.places)]
+    return [base, form, usual_sizes.of_own(now, g.places), *beside]
 
 
 def left_of(g: Grams, nuisances: Sequence[Prior], products: gram_matrices.Products, now: Fitted) -> Cuts:
@@ -219,7 +220,7 @@ def _strokes_left(strokes: Array, nuisances: Sequence[Prior]) -> Array:
     return left
 
 
-def _start(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Conditioned:
+def start_of(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Conditioned:
     """The data with all nuisances integrated out; each cut counts with the power of its likelihood."""
     mixed = powers[0] * g.effort.sum(axis=0) + powers[1] * g.current.sum(axis=0)
     squares = np.diag(mixed)[:-1]

@@ -1,19 +1,19 @@
 """Gauss-Newton over everything at once: all parameters of the effects, and the base model next to them."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.effects.effect import Shape, TimeVariation, Values
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection import baseline_fit, bristle_members, constants, priors, thresholds
+from stagectl.gap.selection import baseline_fit, bristle_members, constants, effect_parameters, priors, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
-from stagectl.gap.selection.candidates import EffectValues, direction, equipped, on_the_clock
+from stagectl.gap.selection.candidates import EffectValues, equipped
+from stagectl.gap.selection.free_function import FreeFunction
 
 
 class Evidence(NamedTuple):
@@ -22,6 +22,7 @@ class Evidence(NamedTuple):
     runs: Sequence[Run]
     base: BaselineFit
     deviations: list[list[Array]]  # whitened, of each repeat from the mean path
+    beside: FreeFunction | None = None  # what is missing beside all effects
 
 
 class Fitted(NamedTuple):
@@ -30,7 +31,7 @@ class Fitted(NamedTuple):
     model: TrackedModel  # base, without the effects
     effects: tuple[EffectValues, ...]
     residuals: list[list[Array]]  # whitened, of each run and repeat
-    residual_sum_of_squares: float
+    residual_sum_of_squares: float  # less what the function beside takes
 
     @property
     def equipped(self) -> TrackedModel:
@@ -61,8 +62,9 @@ def residuals(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues])
 
 
 def total(e: Evidence, residuals: list[list[Array]]) -> float:
-    """Sum of squares over all samples that count; not finite where a simulation has diverged."""
-    return baseline_fit.sum_of_squares(e.runs, residuals)
+    """Sum of squares over all samples that count, less what the function beside takes; not finite after divergence."""
+    whole = baseline_fit.sum_of_squares(e.runs, residuals)
+    return whole if e.beside is None or not np.isfinite(whole) else whole - e.beside.explained(residuals)
 
 
 def floor(e: Evidence) -> float:
@@ -132,7 +134,13 @@ def _around(e: Evidence, now: Fitted) -> Evidence:
     own = [p for p in e.base.directions if not bristle_members.is_member(p.name)]
     moving = [with_effects(p) for p in (*own, *_bristle(e))]
     columns = sensitivities.all_columns(now.equipped, e.runs, moving, e.base.noise)
-    return e._replace(base=e.base._replace(products=gram_matrices.products(e.runs, columns, baseline_fit.START)))
+    return with_products(e, gram_matrices.products(e.runs, columns, baseline_fit.START), e.beside)
+
+
+def with_products(e: Evidence, products: gram_matrices.Products, beside: FreeFunction | None) -> Evidence:
+    """`e` with these `products` of the base's columns, and with those of the function `beside` next to them."""
+    joined = products if beside is None else gram_matrices.with_columns(products, beside.columns)
+    return e._replace(base=e.base._replace(products=joined), beside=beside)
 
 
 class _Step(NamedTuple):
@@ -145,17 +153,21 @@ def _step(e: Evidence, now: Fitted) -> _Step:
     """One Gauss-Newton step, or the share of it that lowers the cost; `now` where none does."""
     own, nuisance = parameters(now), nuisances(e)
     g = gram_matrices.fold_sums(tangent(e, now, own), now.residuals)
-    names, prior = [*nuisance, *(p.name for p in own)], e.base.prior
-    limits = np.concatenate([prior.limits(now.model, nuisance), np.array(_limits(now)).reshape(-1, 2)])
-    informed = {**prior.informed(now.model, nuisance), **_informed(now)}
+    free = free_names(e)
+    names, prior = [*nuisance, *(p.name for p in own), *free], e.base.prior
+    anywhere = [(-np.inf, np.inf)] * len(free)
+    limits = [*prior.limits(now.model, nuisance), *effect_parameters.limits(now.effects), *anywhere]
+    informed = {**prior.informed(now.model, nuisance), **effect_parameters.informed(now.effects)}
+    informed |= {} if e.beside is None else dict.fromkeys(free, (0.0, e.beside.deviation))
     weight = priors.temper(g, names, prior)
-    step = priors.bounded_step(g, names, limits, informed, weight)
+    step = priors.bounded_step(g, names, np.array(limits).reshape(-1, 2), informed, weight)
 
     def after(move: Mapping[str, float]) -> Fitted:
-        return _fitted(e, moved(e, now.model, move), tuple(_shifted(valued, move) for valued in now.effects))
+        shifted = tuple(effect_parameters.shifted(valued, move) for valued in now.effects)
+        return _fitted(e, moved(e, now.model, move), shifted)
 
     def cost(f: Fitted) -> float:
-        sizes = sum((value / width) ** 2 for value, width in _informed(f).values())
+        sizes = sum((value / width) ** 2 for value, width in effect_parameters.informed(f.effects).values())
         return weight * f.residual_sum_of_squares + prior.cost(f.model, nuisance) + sizes
 
     return _Step(*priors.shortened(step.move, after, cost, now), step.promised)
@@ -168,6 +180,11 @@ def nuisances(e: Evidence) -> list[str]:
     """
     names = baseline_fit.parameter_names(e.base.directions)
     return names if e.base.bristle is None else [*names, e.base.bristle.name]
+
+
+def free_names(e: Evidence) -> tuple[str, ...]:
+    """Columns of the function beside, which move next to everything."""
+    return () if e.beside is None else e.beside.names
 
 
 def _bristle(e: Evidence) -> list[Direction]:
@@ -193,92 +210,5 @@ def tangent(e: Evidence, now: Fitted, own: Sequence[Direction]) -> gram_matrices
 
 
 def parameters(now: Fitted) -> list[Direction]:
-    """One direction for each parameter that may be refined, named ``effect.parameter``.
-
-    Effects overwrite their fields, so a change is the same effect with another value on top of the whole model.
-    """
-    moving: list[Direction] = []
-    for k, valued in enumerate(now.effects):
-        if valued.effect.time_variation is not None:
-            moving += _on_the_clock(valued, valued.effect.time_variation)
-            continue
-        narrow = _narrowness(valued)
-        for amplitude in valued.effect.amplitudes:
-            size = max(abs(valued.values[amplitude.name]), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
-            moving.append(_replaced(now, k, amplitude.name, narrow * thresholds.AMPLITUDE_CHANGE * size))
-        moving += [
-            _replaced(now, k, shape.name, narrow * thresholds.SHAPE_CHANGE * valued.values[shape.name])
-            for shape in _refined(valued)
-        ]
-    return moving
-
-
-def _narrowness(valued: EffectValues) -> float:
-    """Factor on the changes by which columns are taken: a resonance must stay within its own width.
-
-    Both its frequency and the mass that takes part in it move it along the frequencies.
-    """
-    return min(valued.values["damping"] / thresholds.BROAD_DAMPING, 1.0) if valued.effect.resonant else 1.0
-
-
-def _refined(valued: EffectValues) -> list[Shape]:
-    return [shape for shape in valued.effect.shapes if shape.refined]
-
-
-def _on_the_clock(valued: EffectValues, variation: TimeVariation) -> Iterator[Direction]:
-    """The same for what runs on the session clock: factors of time on the columns of what it scales."""
-    name, values = valued.effect.name, dict(valued.values)
-    for amplitude in valued.effect.amplitudes:
-        yield on_the_clock(f"{name}.{amplitude.name}", variation, amplitude.name, lambda t: variation.factor(values, t))
-    first = valued.effect.amplitudes[0].name
-    for shape in _refined(valued):  # an amplitude times the change of its factor
-        more = {**values, shape.name: (1.0 + thresholds.SHAPE_CHANGE) * values[shape.name]}
-        scale = values[first] / (thresholds.SHAPE_CHANGE * values[shape.name])
-
-        def factor(t: Array, more: Values = more, scale: float = scale) -> Array:
-            changed: Array = scale * (variation.factor(more, t) - variation.factor(values, t))
-            return changed
-
-        yield on_the_clock(f"{name}.{shape.name}", variation, first, factor)
-
-
-def _replaced(now: Fitted, k: int, parameter: str, step: float) -> Direction:
-    valued = now.effects[k]
-    changed = EffectValues(valued.effect, {**valued.values, parameter: valued.values[parameter] + step})
-    others = [*now.effects[:k], changed, *now.effects[k + 1 :]]
-    plain = direction(valued, parameter, step, f"{valued.effect.name}.{parameter}")
-    return plain._replace(change=lambda m: equipped(m._replace(stage=now.model.stage), others))
-
-
-def _limits(now: Fitted) -> list[tuple[float, float]]:
-    """How far each of the effects' parameters may move in one step, in the order of `parameters`."""
-    limits: list[tuple[float, float]] = []
-    for valued in now.effects:
-        for amplitude in valued.effect.amplitudes:
-            value = valued.values[amplitude.name]
-            limits.append((amplitude.low - value, amplitude.high - value))
-        for shape in _refined(valued):
-            value = valued.values[shape.name]
-            low, high = (
-                max(value / thresholds.SHAPE_FACTOR, shape.low),
-                min(value * thresholds.SHAPE_FACTOR, shape.high),
-            )
-            limits.append((low - value, high - value))
-    return limits
-
-
-def _informed(now: Fitted) -> dict[str, tuple[float, float]]:
-    """How far each amplitude is from no effect, and how large it may be before any data."""
-    return {
-        f"{valued.effect.name}.{amplitude.name}": (
-            valued.values[amplitude.name],
-            thresholds.AMPLITUDE_WIDTH * max(map(abs, amplitude.typical)),
-        )
-        for valued in now.effects
-        for amplitude in valued.effect.amplitudes
-    }
-
-
-def _shifted(valued: EffectValues, move: Mapping[str, float]) -> EffectValues:
-    moves = {name: move.get(f"{valued.effect.name}.{name}", 0.0) for name in valued.values}
-    return EffectValues(valued.effect, {name: value + moves[name] for name, value in valued.values.items()})
+    """One direction for each parameter of the effects that may be refined, named ``effect.parameter``."""
+    return effect_parameters.directions(now.model, now.effects)

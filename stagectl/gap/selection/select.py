@@ -33,7 +33,11 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
     them explains: the evidence compares what the library holds, and the cause is not in it then.  Nor is an effect the
     cause that would explain more with a value that no machine has: the search goes on without it.
     """
-    now = refine.start(e)
+    return select_from(e, library, refine.start(e), say)
+
+
+def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
+    """The same from a model `now` on, whose effects may be dropped again."""
     while len(now.effects) < constants.MOST_EFFECTS:
         now = drive_alikes.on_time(e, library, now)  # each time: what else is missing may hide it
         tried = functools.cache(functools.partial(starting_places, e, library, now))

@@ -93,4 +93,5 @@ def _part(e: Evidence, chosen: Array) -> Evidence:
         before=list(compress(base.before, chosen)),
         after=list(compress(base.after, chosen)),
     )
-    return Evidence(list(compress(e.runs, chosen)), base, list(compress(e.deviations, chosen)))
+    cut = Evidence(list(compress(e.runs, chosen)), base, list(compress(e.deviations, chosen)))
+    return cut if e.beside is None else cut._replace(beside=e.beside.on(chosen))

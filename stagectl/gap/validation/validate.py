@@ -9,7 +9,7 @@ from stagectl.gap.effects.library import label
 from stagectl.gap.inference.beside_unknown import stands
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.logs.session import Log, Session
-from stagectl.gap.result.diagnosis import NAMED, FoundEffect
+from stagectl.gap.result.diagnosis import NAMED, FoundEffect, UnknownTerm
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.validation import held_out_gap, rollouts
@@ -53,9 +53,12 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
     return Validation(improved, found, tuple(lines))
 
 
-def confirmed(effect: FoundEffect, found: Closure) -> FoundEffect:
-    """`effect` as the loop confirms it: one that takes nothing of a gap that stays open is not what is missing."""
-    if not found.open or effect.share > 0.0:
+def confirmed(effect: FoundEffect, found: Closure, shape: UnknownTerm | None) -> FoundEffect:
+    """`effect` as the loop confirms it: one that takes nothing of a gap that stays open is not what is missing.
+
+    What is missing is known where an unknown has the `shape` of a function: beside it the loop says little of others.
+    """
+    if not found.open or effect.share > 0.0 or (shape is not None and shape.of_motion):
         return effect
     return effect._replace(probability=min(effect.probability, stands(0.0, 1.0)))
 

@@ -24,7 +24,7 @@ def evidence(before: float, after: float) -> Any:
         return [[np.column_stack([np.full(4, np.sqrt(square / 4.0)), np.zeros(4)])]]
 
     base = SimpleNamespace(before=rows(before), after=rows(after))
-    return SimpleNamespace(runs=[run], base=base, deviations=[[np.zeros((4, 2))]])
+    return SimpleNamespace(runs=[run], base=base, deviations=[[np.zeros((4, 2))]], beside=None)
 
 
 def parity(checked: bool = True, agrees: bool = True) -> Any:

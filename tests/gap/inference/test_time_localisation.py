@@ -22,7 +22,8 @@ def evidence(mechanics: float, drive: float, measured: bool = True, repeats: int
     run = SimpleNamespace(weight=np.ones(100), mean=SimpleNamespace(rows=rows))
     residual = np.tile([mechanics, drive], (100, 1))
     base = SimpleNamespace(before=[[residual] * repeats])
-    return SimpleNamespace(runs=[run], base=base, deviations=[[np.zeros((100, 2))] * repeats])
+    deviations = [[np.zeros((100, 2))] * repeats]
+    return SimpleNamespace(runs=[run], base=base, deviations=deviations, beside=None)
 
 
 def test_the_excess_is_what_repeats_do_not_differ_by() -> None:

@@ -1,0 +1,110 @@
+"""The search goes on beside an unknown: what no library holds hides every smaller effect that one does.
+
+Where a function of one coordinate predicts most of what a model leaves, that function joins the nuisances, and sets of
+effects are compared again beside it.  Which function is decided by its evidence.  It takes what it can explain before
+any effect may, so that effects are only added, and what stands without it stays.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import logsumexp
+
+from stagectl.gap.effects.effect import Scales
+from stagectl.gap.inference import basis_functions, unknown
+from stagectl.gap.inference.basis_functions import BasisColumns, CoordinateBasis
+from stagectl.gap.inference.shape_fits import SINGLE, own_columns
+from stagectl.gap.inference.thresholds import FUNCTION_SIZE
+from stagectl.gap.residuals import gram_matrices
+from stagectl.gap.selection import constants, linearised, refine, select
+from stagectl.gap.selection.established import Say, Selection
+from stagectl.gap.selection.evidence import Candidate, Prior, gains, temper
+from stagectl.gap.selection.free_function import FreeFunction
+from stagectl.gap.selection.linearised import Library
+from stagectl.gap.selection.refine import Evidence, Fitted
+
+NEVER = ("current", "direction")  # a controller answers with current whatever is missing; a sign is an asymmetry
+
+
+class Searched(NamedTuple):
+    """What a search has found, on these data and with this library."""
+
+    evidence: Evidence
+    library: Library
+    selected: Selection
+
+
+class _Function(NamedTuple):
+    basis: CoordinateBasis
+    parts: tuple[str, ...]
+    deviation: float  # N m | N
+
+
+def searched(e: Evidence, library: Library, smooth: BasisColumns, say: Say) -> Searched:
+    """The effects that stand; beside a function of one coordinate, where one predicts most of what they leave."""
+    alone = Searched(e, library, select.select(e, library, say))
+    now = alone.selected.fitted
+    if not library.predict(e, now).share or len(now.effects) >= constants.MOST_EFFECTS:
+        return alone
+    function = _likeliest(e, library, now, smooth)
+    say(f"beside a function of the {function.basis.coordinate}")
+    e, library = _beside(e, library, smooth, function)
+    more = select.select_from(e, library, refine.refine(e, now.model, now.effects), say)
+    known, found = ({valued.effect.name for valued in each.effects} for each in (now, more.fitted))
+    return Searched(e, library, more) if known < found else alone
+
+
+def alone(e: Evidence, selected: Selection) -> tuple[Evidence, Selection]:
+    """`e` and what is `selected` on it, without a function beside: what it explained is an unknown again."""
+    if e.beside is None:
+        return e, selected
+    names = [name for name in e.base.products.names if name not in e.beside.names]
+    e = refine.with_products(e, gram_matrices.selected(e.base.products, names), None)
+    fitted = selected.fitted._replace(residual_sum_of_squares=refine.total(e, selected.fitted.residuals))
+    return e, selected._replace(fitted=fitted)
+
+
+def _likeliest(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> _Function:
+    """The function with the largest evidence next to `now`, over all sizes of its amplitudes."""
+    own, powers = own_columns(e, now), [temper(cut, linearised.strokes(e)) for cut in library.excess]
+    found: list[tuple[float, _Function]] = []
+    for basis in (basis for basis in smooth.bases if basis.coordinate not in NEVER):
+        g = gram_matrices.fold_sums(gram_matrices.with_columns(smooth.products[basis.coordinate], own), now.residuals)
+        start = linearised.start_of(g, linearised.parameters(e, now, g), powers)
+        for parts in SINGLE:
+            places = tuple(g.places(_names(basis, parts)))
+            candidates = [
+                Candidate(basis.coordinate, 0, Prior(places, np.zeros(len(places)), np.full(len(places), size)), 1.0)
+                for size in _sizes(smooth.size)
+            ]
+            each = gains(start, candidates)
+            found.append((float(logsumexp(each)), _Function(basis, parts, _sizes(smooth.size)[int(each.argmax())])))
+    return max(found, key=lambda pair: pair[0])[1]
+
+
+def _sizes(size: Scales) -> list[float]:
+    """Standard deviations (N m | N) that the amplitudes of a function may have."""
+    return [scale * FUNCTION_SIZE * size.coulomb for scale, _ in constants.SCALES[:3]]
+
+
+def _names(basis: CoordinateBasis, parts: Sequence[str]) -> list[str]:
+    return [name for part in parts for name in basis_functions.names(basis, part)]
+
+
+def _beside(e: Evidence, library: Library, smooth: BasisColumns, function: _Function) -> tuple[Evidence, Library]:
+    """The data and the library with the columns of a `function` among the nuisances."""
+    columns = [
+        {f"beside.{name}": column for name, column in of_run.items()}
+        for of_run in basis_functions.columns_of(smooth, {part: [function.basis] for part in function.parts})
+    ]
+    own = gram_matrices.products(e.runs, columns)
+    power = temper(library.excess[0], linearised.strokes(e))
+    beside = FreeFunction(columns, own, function.deviation, power)
+    e = refine.with_products(e, e.base.products, beside)
+    library = linearised.library_of(e, library.forms, gram_matrices.with_columns(library.products, columns))
+    around = smooth._replace(
+        known=gram_matrices.with_columns(smooth.known, columns),
+        products={name: gram_matrices.with_columns(p, columns) for name, p in smooth.products.items()},
+    )
+    return e, library._replace(predict=lambda e, now: unknown.predicted(e, now, around))
