@@ -48,7 +48,7 @@ def searched(e: Evidence, library: Library, smooth: BasisColumns, say: Say) -> S
     if not library.predict(e, now).share or len(now.effects) >= constants.MOST_EFFECTS:
         return alone
     function = _likeliest(e, library, now, smooth)
-    say(f"beside a function of the {function.basis.coordinate}")
+    say(f"next to a function of the {function.basis.coordinate}")
     e, library = _beside(e, library, smooth, function)
     more = select.select_from(e, library, refine.refine(e, now.model, now.effects), say)
     known, found = ({valued.effect.name for valued in each.effects} for each in (now, more.fitted))
