@@ -23,7 +23,7 @@ from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.service.axis_status import Shown
 from stagectl.service.file_in_use import FileInUse
-from stagectl.service.job_from_stage import CALM, calm, orders
+from stagectl.service.job_from_stage import CALM, orders
 from stagectl.service.planning import Motion, Task, Upload, check_time, leaving
 from stagectl.service.planning import ServiceError as ServiceError
 from stagectl.trajectories import Dwell, Experiment, SCurve
@@ -87,11 +87,6 @@ class AxisController:
         """The job of the real-time process."""
         friction = self.controller.feedforward.with_friction
         return orders(self.name, self.setup, self.controller.law, friction, self.ring, self.board)
-
-    @property
-    def calm(self) -> float:
-        """Deceleration (rad/s^2 | m/s^2) of stops under control; friction helps them."""
-        return calm(self.setup)
 
     @property
     def effort(self) -> float:
