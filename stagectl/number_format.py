@@ -22,6 +22,10 @@ class Travel(NamedTuple):
     unit: str  # m, or rad where no lead is known
     rotary: bool
 
+    def length(self, way: float, per: str = "") -> str:
+        """A way (rad | m) of the axis, or its speed with ``/s`` as `per`, as travel: ``12.3 nm``, ``0.2 mm/s``."""
+        return length(way * self.per_unit, f"{self.unit}{per}")
+
 
 class Estimate(Protocol):
     """A value (SI) with its 95 % interval."""

@@ -17,7 +17,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
-from typing import Annotated, Any, NamedTuple, get_args, get_origin
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 from stagectl.problem import Problem, ProblemKind
 
@@ -82,9 +82,12 @@ def unit_on(axis: str, unit: str) -> str:
 
 def quantity_of(hint: Any) -> Quantity | None:
     """The `Quantity` in an ``Annotated`` type hint, or None."""
-    if get_origin(hint) is not Annotated:
-        return None
     return next((extra for extra in get_args(hint)[1:] if isinstance(extra, Quantity)), None)
+
+
+def quantities_of(block: Any) -> dict[str, Quantity]:
+    """The quantities of a parameter block, a class, by the names of their fields; other fields are left out."""
+    return {name: q for name, hint in get_type_hints(block, include_extras=True).items() if (q := quantity_of(hint))}
 
 
 class Tagged(NamedTuple):

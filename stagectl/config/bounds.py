@@ -7,7 +7,6 @@ enough that no file can keep the program busy.
 LARGEST_FILE = 256_000  # bytes of a YAML file; PyYAML takes seconds for more
 LARGEST_CSV = 200_000_000  # bytes of a recorded trajectory
 DEEPEST_BRACKETS = 50  # brackets within each other on one line; PyYAML's time grows with their square
-DEEPEST_BLOCK = 20  # blocks within each other
 LONGEST_LIST = 1000  # entries of a list
 LONGEST_TEXT = 200  # characters of a text
 LONGEST_SHOWN = 60  # characters of a value that a message repeats

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import yaml
 
-from stagectl.config.bounds import DEEPEST_BLOCK, LONGEST_LIST, LONGEST_SHOWN, LONGEST_TEXT, MOST_PROBLEMS
+from stagectl.config.bounds import LONGEST_LIST, LONGEST_SHOWN, LONGEST_TEXT, MOST_PROBLEMS
 from stagectl.config.hints import extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, compose, entries_of, entry_of, key_of
@@ -45,9 +45,6 @@ class Reader:
 
     def value(self, hint: Any, node: yaml.Node, name: str) -> Any:
         """`node` as `hint`; after a problem any stand-in, as `finish` will raise."""
-        if name.count(".") > DEEPEST_BLOCK:
-            self.refuse(node, Problem(f"is nested deeper than {DEEPEST_BLOCK} levels", ProblemKind.SHAPE, name))
-            return None
         tag, kind = tag_of(hint), plain(hint)
         if tag is not None:
             return self._tagged(tag, node, name)

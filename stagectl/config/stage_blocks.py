@@ -15,6 +15,7 @@ from stagectl.drives.homing import Homing
 from stagectl.kernels import effects, plant, stage
 from stagectl.kernels.effects import Harmonic
 from stagectl.kernels.plant import Reported
+from stagectl.number_format import Travel
 from stagectl.units import LINEAR, ROTARY, Quantity, Tagged
 
 _POSITIVE = "(0, 1e6]"
@@ -35,6 +36,11 @@ class Axis(NamedTuple):
     def travel_unit(self) -> str:
         """Unit of what the user sees as travel."""
         return "m" if self.kind == LINEAR or self.lead else "rad"
+
+    @property
+    def travel(self) -> Travel:
+        """How positions are shown."""
+        return Travel(self.travel_per_unit, self.travel_unit, self.kind == ROTARY)
 
 
 class Encoder(NamedTuple):

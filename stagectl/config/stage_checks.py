@@ -16,7 +16,7 @@ from stagectl.drives.drive import Canopen
 from stagectl.kernels.effects import TURN
 from stagectl.kernels.equilibrium import weight
 from stagectl.kernels.stage import Stage, sliding
-from stagectl.number_format import duration, length
+from stagectl.number_format import duration
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR, ROTARY, unit_on
 
@@ -175,10 +175,9 @@ def _residual(file: StageFile) -> Iterator[Problem]:
 def _friction(file: StageFile) -> Iterator[Problem]:
     law = file.friction
     if isinstance(law, Rolling) and not law.shortest <= law.longest <= WIDEST_SLIPS * law.shortest:
-        unit, scale = file.axis.travel_unit, file.axis.travel_per_unit
-        shortest, longest = (length(slip * scale, unit) for slip in (law.shortest, law.longest))
+        shortest, longest = map(file.axis.travel.length, (law.shortest, law.longest))
         reason = f"must be 1 to {WIDEST_SLIPS:g} times friction.shortest, {shortest}"
-        yield Problem(reason, _CONFLICT, "friction.longest", longest, unit)
+        yield Problem(reason, _CONFLICT, "friction.longest", longest, file.axis.travel_unit)
     if isinstance(law, Operators):
         yield from _paired("friction", law, "weight", "slip")
 
@@ -247,12 +246,9 @@ def stops_beyond(file: StageFile) -> str:
     weak = {entry: most for entry, most in every.items() if most * (high - low) < half}
     if not weak:
         return ""
-    scale, unit, least = file.axis.travel_per_unit, file.axis.travel_unit, min(weak.values())
-    way = half / least if least > 0.0 else math.inf
-    needed, room = (length(distance * scale, unit) for distance in (way, high - low))
-    named = (
-        entry if "," in entry else f"{entry} = {length(most * scale, f'{unit}/s^2')}" for entry, most in weak.items()
-    )
+    travel, least = file.axis.travel, min(weak.values())
+    needed, room = map(travel.length, (half / least if least > 0.0 else math.inf, high - low))
+    named = (entry if "," in entry else f"{entry} = {travel.length(most, '/s^2')}" for entry, most in weak.items())
     suspects = f"the unit of {', '.join(named)}" if len(weak) < len(every) else "limits.speed and limits.travel"
     return f"from limits.speed the axis stops within {needed}, and limits.travel is {room}: check {suspects}"
 
@@ -263,8 +259,8 @@ def never_reached(file: StageFile) -> str:
     needed, room = limits.speed**2 / limits.acceleration, limits.travel[1] - limits.travel[0]
     if needed <= room:
         return ""
-    speed = length(limits.speed * axis.travel_per_unit, f"{axis.travel_unit}/s")
-    way, travel = (length(each * axis.travel_per_unit, axis.travel_unit) for each in (needed, room))
+    speed = axis.travel.length(limits.speed, "/s")
+    way, travel = map(axis.travel.length, (needed, room))
     bare = "; a number without a unit is rad at the motor" if axis.kind == ROTARY and axis.lead else ""
     return (
         f"limits.speed = {speed} is never reached: to accelerate and to brake takes {way}, and limits.travel is "

@@ -22,7 +22,6 @@ from stagectl.config.time_outs import with_time_outs
 from stagectl.config.wire_checks import eds_path
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.kernels import effects, equilibrium, jit, stage
-from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
 
 
@@ -92,13 +91,13 @@ class Setup(_Stage):
 
         Raises DesignError where its gains cannot be realised.
         """
-        control, axis = self.file.control, self.file.axis
+        control = self.file.control
         words = [design.limit_cycle_warning(self.stage, control)]
         speed = design.sticking_speed(self.stage, *design.loop_parts(self.stage, control))
         if speed is not None:
-            below = length(speed * axis.travel_per_unit, axis.travel_unit)
+            below = self.file.axis.travel.length(speed, "/s")
             words.append(
-                f"below {below}/s friction falls faster with the speed than the loop can bear: slow motions stick and "
+                f"below {below} friction falls faster with the speed than the loop can bear: slow motions stick and "
                 "slip, whatever is compensated; move faster there, or take a faster loop with less delay"
             )
         return "; ".join(filter(None, words))

@@ -14,24 +14,21 @@ from stagectl.drives.drive import Canopen
 from stagectl.drives.run_on import AxisLimits, RunOn
 from stagectl.kernels.equilibrium import weight
 from stagectl.kernels.stage import sliding
-from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
-from stagectl.units import ROTARY
 
 _ROUNDING = 1e-9
 
 
 def axis_limits(file: StageFile, waits_for_sync: bool = False) -> AxisLimits:
     """What a drive's own limits must agree with; friction helps no stop but that of a coasting axis."""
-    axis, inertia = file.axis, file.mechanics.inertia
+    inertia = file.mechanics.inertia
     effort, pull = file.drive.current_limit * file.motor.force_constant, weight(file.mechanics)
     acceleration = (effort + pull) / inertia
     brakes = min(file.own_ramp, max(effort - pull, 0.0) / inertia)
     coasts = max(sliding(friction_of(file.friction)) - pull, 0.0) / inertia
     speed = file.limits.speed
     stops = RunOn(speed, acceleration, brakes), RunOn(speed, acceleration, coasts)
-    table = axis.travel_per_unit, axis.travel_unit
-    return AxisLimits(file.drive.current_limit, speed, axis.kind == ROTARY, *stops, *table, waits_for_sync)
+    return AxisLimits(file.drive.current_limit, speed, file.axis.travel, *stops, waits_for_sync)
 
 
 def free_distance(file: StageFile) -> float:
@@ -62,10 +59,10 @@ def too_far(file: StageFile) -> Iterator[Problem]:
     axis, timeout = axis_limits(file), noticed_after(wire)
     cost = axis.braking.cost(timeout)
     if cost > free * (1.0 + _ROUNDING):
-        way, room = (length(distance * axis.travel_per_unit, axis.travel_unit) for distance in (cost, free))
+        way, room = map(axis.travel.length, (cost, free))
         reason = f"a time-out of {timeout * 1e3:g} ms costs {way} at the largest current"
         remedy = "state a shorter drive.wire.rpdo_timeout, less drive.current_limit or limits.speed, or make more room"
-        yield Problem(reason, ProblemKind.CONFLICT, "limits.free_distance", room, axis.travel_unit, remedy=remedy)
+        yield Problem(reason, ProblemKind.CONFLICT, "limits.free_distance", room, axis.travel.unit, remedy=remedy)
 
 
 def noticed_after(wire: Canopen) -> float:

@@ -15,7 +15,7 @@ Compared with a stop that begins at once, v0^2/(2 b), the time-out costs  (1 + a
 import math
 from typing import NamedTuple
 
-from stagectl.number_format import length
+from stagectl.number_format import Travel
 
 
 class RunOn(NamedTuple):
@@ -52,11 +52,9 @@ class AxisLimits(NamedTuple):
 
     current: float  # A, the largest that is commanded; 0: nothing is known of the axis
     speed: float  # rad/s | m/s
-    rotary: bool
+    travel: Travel
     braking: RunOn  # where the drive stops by its ramp
     coasting: RunOn  # where it only cuts the power, and friction stops the axis
-    travel_per_unit: float  # m of table per rad, or 1
-    travel_unit: str  # m | rad
     waits_for_sync: bool = False  # a virtual plant, which stands still while no SYNC comes
 
     def words(self, timeout: float, brakes: bool) -> str:
@@ -66,17 +64,15 @@ class AxisLimits(NamedTuple):
             return f"nothing that the stage file knows stops the axis after {timeout * 1e3:.0f} ms"
         still = "; this virtual plant stands still while no SYNC comes" if self.waits_for_sync else ""
         return (
-            f"from {self._length(run.speed)}/s at the largest current, {self.current:g} A, it stands within"
-            f" {self._length(run.distance(timeout))}; the time-out costs {self._length(run.cost(timeout))} of it{still}"
+            f"from {self.travel.length(run.speed, '/s')} at the largest current, {self.current:g} A, it stands within"
+            f" {self.travel.length(run.distance(timeout))}; the time-out costs"
+            f" {self.travel.length(run.cost(timeout))} of it{still}"
         )
 
     def place(self, position: float) -> str:
         """A position (rad | m) as travel, in mm or deg."""
-        travel = position * self.travel_per_unit
-        return f"{math.degrees(travel):.6g} deg" if self.travel_unit == "rad" else f"{travel * 1e3:.6g} mm"
-
-    def _length(self, way: float) -> str:
-        return length(way * self.travel_per_unit, self.travel_unit)
+        travel = position * self.travel.per_unit
+        return f"{math.degrees(travel):.6g} deg" if self.travel.unit == "rad" else f"{travel * 1e3:.6g} mm"
 
 
-UNKNOWN_AXIS = AxisLimits(0.0, 0.0, False, RunOn(0.0, 0.0, 0.0), RunOn(0.0, 0.0, 0.0), 1.0, "m")
+UNKNOWN_AXIS = AxisLimits(0.0, 0.0, Travel(1.0, "m", False), RunOn(0.0, 0.0, 0.0), RunOn(0.0, 0.0, 0.0))

@@ -4,7 +4,7 @@ import importlib
 import re
 from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
 from stagectl.extras import require
@@ -12,7 +12,7 @@ from stagectl.interchange.round_trip import Compared
 from stagectl.problem import ProblemKind
 from stagectl.recording.file_lock import DataFileError
 from stagectl.replacing import check_replaceable, write_text
-from stagectl.units import StageError, quantity_of
+from stagectl.units import StageError, quantities_of
 
 
 class ExportError(DataFileError):
@@ -99,11 +99,11 @@ def lost(setup: Setup, held: Mapping[str, Set[str]]) -> list[str]:
 
 def _lost(setup: Setup, block: str, held: Set[str]) -> Iterator[str]:
     part = getattr(setup.stage, block)
-    hints = get_type_hints(type(part), include_extras=True)
+    quantities = quantities_of(type(part))
     for name, value in part._asdict().items():
         neutral = part._field_defaults.get(name, _NEUTRAL.get(name))
         if name not in held and value != neutral:
-            quantity = quantity_of(hints[name])
+            quantity = quantities.get(name)
             meaning = (
                 f" {quantity.unit_for(setup.file.axis.kind)}".rstrip() + f": {quantity.meaning}" if quantity else ""
             )

@@ -13,7 +13,6 @@ from stagectl.drives.drive import Canopen
 from stagectl.kernels import equilibrium, stage
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.motion_limits import LimitError
-from stagectl.number_format import length
 from stagectl.problem import Problem, ProblemKind
 from stagectl.realtime.safety import Envelope
 
@@ -106,10 +105,10 @@ def check_braking(setup: Setup, rows: NDArray[np.float64]) -> None:
 
 def _unbraked(setup: Setup, at: float, allowed: float, needed: float) -> LimitError:
     """The refusal of a motion that needs a deceleration (rad/s^2 | m/s^2) at this time (s)."""
-    every, scale = decelerations(setup.file), setup.file.axis.travel_per_unit
-    unit = f"{setup.file.axis.travel_unit}/s^2"
+    every, travel = decelerations(setup.file), setup.file.axis.travel
+    unit, scale = f"{travel.unit}/s^2", travel.per_unit
     entry = next(iter(every)) if "limits.deceleration" in every else min(every, key=lambda each: every[each])
-    value, least = (length(each * scale, unit) for each in (allowed, needed))
+    value, least = (travel.length(each, "/s^2") for each in (allowed, needed))
     stops = f"at {at:.3g} s of the motion the axis could no longer stop within limits.travel"
     remedy = f"nothing has moved; the motion needs {least}: check the unit, or make it slower"
     if "," in entry:  # no entry of its own

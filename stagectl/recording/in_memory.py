@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stagectl.kernels import law, rollout
 from stagectl.problem import ProblemKind, meant
 from stagectl.recording.file_lock import RecordingError
-from stagectl.units import Quantity, quantity_of
+from stagectl.units import Quantity, quantities_of
 
 
 def lacking(lost: int, rows: int) -> str:
@@ -68,8 +68,7 @@ def quantities() -> dict[str, Quantity]:
     """Unit and meaning of every column, as declared with the kernels' fields."""
     known = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
     for block in (law.Setpoint, law.Output, rollout.Observed):
-        hints = get_type_hints(block, include_extras=True)
-        known |= {name: quantity for name, hint in hints.items() if (quantity := quantity_of(hint))}
+        known |= quantities_of(block)
     return known
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from stagectl.config.stage_file import Setup
 from stagectl.recording.hdf5 import Recording, open_recording
-from stagectl.recording.scales import Scales
+from stagectl.recording.scales import NOTHING_KNOWN, Scales
 
 
 def recordings_at(
@@ -17,15 +17,16 @@ def recordings_at(
 ) -> list[Recording]:
     """The recordings at `path`: a file, a folder of captures, of our recordings, or else of logs.
 
-    `columns` and `scales` are for logs, see `importing.recordings_in`; `only` names the columns read of our recordings.
+    `columns` and `scales` are for logs, as in `importing.import_log`, of whose guesses only a sure one is taken; `only`
+    names the columns read of our recordings.
 
     Raises RecordingError where a file cannot be read, or a folder holds none.
     """
     if ours := own_recordings(path):
         return [open_recording(file, only) for file in ours]
-    from stagectl.recording.guess.importing import recordings_in  # with pyarrow, 60 MB that our recordings need not
+    from stagectl.recording.guess.importing import import_log  # with pyarrow, 60 MB that our recordings need not
 
-    return recordings_in(path, setup, columns, scales)
+    return [log.recording for log in import_log(path, setup, columns, NOTHING_KNOWN, unsure=False, scales=scales)]
 
 
 def own_recordings(path: Path) -> list[Path]:

@@ -5,13 +5,13 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from stagectl.drives.faults import TABLE, FaultType, Reaction
 from stagectl.number_format import duration, length
 from stagectl.report.constants import REASON_CHARACTERS
 from stagectl.report.page import Page, Section, Table, write
-from stagectl.units import quantity_of
+from stagectl.units import Quantity, quantities_of
 
 _HEAD = ["fault", "state", "result", "stopped by", "category", "stop time", "at most", "distance", "at most"]
 
@@ -101,12 +101,11 @@ def stop_words(must: Reaction) -> str:
 
 
 def _parameters(row: FaultType) -> str:
-    hints = get_type_hints(row.block, include_extras=True)
+    quantities, defaults = quantities_of(row.block), row.block._field_defaults
     named = [name for name in row.block._fields if name != "fault"]
-    return ", ".join(f"{name}={_value(name, row.block._field_defaults[name], hints[name])}" for name in named)
+    return ", ".join(f"{name}={_value(name, defaults[name], quantities.get(name))}" for name in named)
 
 
-def _value(name: str, value: Any, hint: Any) -> str:
+def _value(name: str, value: Any, quantity: Quantity | None) -> str:
     """As `stagectl inject` takes it."""
-    quantity = quantity_of(hint)
     return f"0x{value:04X}" if name == "code" else f"{value:.7g}{quantity.unit if quantity is not None else ''}"

@@ -3,7 +3,7 @@
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ from stagectl.tuning.families import chosen, judged_loops
 from stagectl.tuning.robustness import Loop, Robustness, robustness, softest, stiffness
 from stagectl.tuning.search import Tuned
 from stagectl.tuning.sheet import ClosedLoop, closed, headline, notes, step, stiffness_unit
-from stagectl.units import quantity_of
+from stagectl.units import quantities_of
 
 Array = NDArray[Any]
 COLOURS = (TARGET, WITH, "#7c3aed", FAINT)  # of the loops, the one cut at the current first
@@ -52,8 +52,7 @@ def _loop(setup: Setup) -> str:
 
 def _declared(block: Any, name: str, kind: str) -> str:
     """A parameter with the unit that its block declares for this `kind` of axis."""
-    declared = quantity_of(get_type_hints(type(block), include_extras=True)[name])
-    return f"{getattr(block, name):.4g} {declared.unit_for(kind) if declared else ''}".rstrip()
+    return f"{getattr(block, name):.4g} {quantities_of(type(block))[name].unit_for(kind)}".rstrip()
 
 
 _CAPTIONS = {

@@ -14,6 +14,7 @@ from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
 from stagectl.realtime.states import STOPS_GOING_ON, Event, State
 from stagectl.selftest.limits import Limit, coast, larger, limit, ramp, turned
 from stagectl.selftest.rig import BaseRig, RigLoop, Service
+from stagectl.service import job_from_stage
 
 BEFORE = 0.15  # s of standing or moving before the fault
 AFTER = 0.3  # s that a motion which must go on is watched, and an axis after its stop
@@ -111,7 +112,7 @@ class Case:
 
     def _braking(self, speed: float) -> Limit:
         """Under control, or as the fault leaves it: from its speed on, or turned round; whichever allows most."""
-        calm, error = self._service.controller.calm, self.setup.file.limits.following_error
+        calm, error = job_from_stage.calm(self.setup), self.setup.file.limits.following_error
         own = Limit(_MARGIN * speed / calm + _CONTROLLED, _MARGIN * speed * speed / (2.0 * calm) + error)
         if self.row.required.category is None:
             return own
@@ -165,7 +166,7 @@ class Case:
             self._take(Order(Event.DISABLE))
         elif state is not State.STANDING:
             homes = state in (State.HOMING, State.DRIVE_HOMING)
-            self._take(Order(Event.HOME) if homes else self._service.move())
+            self._take(Order(Event.HOME) if homes else self._service.controller.start(self._service.motion, 1))
             self._run(BEFORE if state is not State.DRIVE_HOMING else _STARTED)
         if state is State.STOPPING:
             self._take(Order(Event.STOP))

@@ -18,7 +18,6 @@ from stagectl.realtime import axes
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.envelope import envelope
 from stagectl.realtime.scheduling import Metronome
-from stagectl.realtime.shared_memory import Order
 from stagectl.selftest.limits import LONGEST
 from stagectl.service import job_from_stage, planning
 from stagectl.service.axis_controller import AxisController
@@ -73,10 +72,6 @@ class Service(NamedTuple):
     orders: Orders
     searching: Orders  # for a home that does not come
     delegating: Orders  # whose drive finds the home
-
-    def move(self) -> Order:
-        """The order that begins the motion."""
-        return self.controller.start(self.motion, 1)
 
 
 def laid_out(setup: Setup, pace: Pace) -> Service:

@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple
 
 from stagectl import design
 from stagectl.compensation import model_effects
@@ -23,11 +23,11 @@ from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.service.axis_status import Shown
 from stagectl.service.file_in_use import FileInUse
-from stagectl.service.job_from_stage import CALM, calm, orders
+from stagectl.service.job_from_stage import CALM, orders
 from stagectl.service.planning import Motion, Task, Upload, check_time, leaving
 from stagectl.service.planning import ServiceError as ServiceError
 from stagectl.trajectories import Dwell, Experiment, SCurve
-from stagectl.units import Quantity, UnitError, parse, quantity_of
+from stagectl.units import Quantity, UnitError, parse, quantities_of
 
 _JERK_TIME = 0.02  # s in which a move's acceleration rises, unless a jerk is asked for
 STARTING = "starting: the real-time process is not ready yet; nothing moves, orders are refused"
@@ -87,11 +87,6 @@ class AxisController:
         """The job of the real-time process."""
         friction = self.controller.feedforward.with_friction
         return orders(self.name, self.setup, self.controller.law, friction, self.ring, self.board)
-
-    @property
-    def calm(self) -> float:
-        """Deceleration (rad/s^2 | m/s^2) of stops under control; friction helps them."""
-        return calm(self.setup)
 
     @property
     def effort(self) -> float:
@@ -249,10 +244,8 @@ class AxisController:
         }
 
     def _changeable(self) -> dict[str, Quantity]:
-        hints = get_type_hints(type(self.control), include_extras=True)
-        quantities = {name: quantity_of(hint) for name, hint in hints.items() if name != "period"}
-        now = self.control
-        return {name: q for name, q in quantities.items() if q is not None and isinstance(getattr(now, name), float)}
+        now, quantities = self.control, quantities_of(type(self.control))
+        return {name: q for name, q in quantities.items() if name != "period" and isinstance(getattr(now, name), float)}
 
     def changed(self, values: dict[str, str]) -> Gains:
         """Other gains, designed but not yet in force.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -46,6 +46,20 @@ def stop_event() -> asyncio.Event:
 
 
 @contextlib.contextmanager
+def taken_by(handler: Callable[[int, object], None], signals: Iterable[signal.Signals]) -> Iterator[None]:
+    """Have this `handler` take these signals; beside the main thread, where Python takes none, nothing changes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in signals}
+    try:
+        yield
+    finally:
+        for number, earlier in before.items():
+            signal.signal(number, signal.SIG_DFL if earlier is None else earlier)
+
+
+@contextlib.contextmanager
 def interrupting() -> Iterator[list[int]]:
     """Have `STOPS` raise KeyboardInterrupt: what was begun must not go on unattended.  Yields the numbers that came.
 
@@ -53,21 +67,12 @@ def interrupting() -> Iterator[list[int]]:
     must be carried out.  A signal that is ignored, as under `nohup`, or that a program handles itself, stays as it is.
     """
     came: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield came
-        return
 
     def interrupt(number: int, _: object) -> None:
         came.append(number)
         if number == signal.SIGINT or len(came) == 1:
             raise KeyboardInterrupt
 
-    before = {number: signal.getsignal(number) for number in STOPS}
-    taken = [number for number in STOPS if before[number] in (signal.SIG_DFL, signal.default_int_handler)]
-    for number in taken:
-        signal.signal(number, interrupt)
-    try:
+    free = (signal.SIG_DFL, signal.default_int_handler)
+    with taken_by(interrupt, [number for number in STOPS if signal.getsignal(number) in free]):
         yield came
-    finally:
-        for number in taken:
-            signal.signal(number, before[number])

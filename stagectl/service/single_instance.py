@@ -7,7 +7,6 @@ service that this one did not end in an orderly way.
 
 import asyncio
 import contextlib
-import fcntl
 import os
 import socket
 import stat
@@ -15,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from stagectl.drives.bus.other_masters import locked
 from stagectl.runtime_folder import short_name
 from stagectl.service.axis_controller import ServiceError
 
@@ -94,25 +94,17 @@ async def take_lock(state: Path, ends: contextlib.ExitStack, say: Callable[[str]
     """
     lock = os.open(state / "lock", os.O_RDWR | os.O_CREAT, 0o600)
     ends.callback(os.close, lock)
-    if _locked(lock):
+    if locked(lock):
         return lock
     user = f"another service (process {_process(state)}) uses {state}"
     advice = "stop it first, by Ctrl-C in its terminal or by `systemctl stop stagectl`, or choose another --state"
     say(f"{user}; waiting {_LOCK:.0f} s for it to end; where it does not: {advice}")
     end = time.monotonic() + _LOCK
-    while not _locked(lock):
+    while not locked(lock):
         if time.monotonic() > end:
             raise ServiceError(f"{user}: {advice}")
         await asyncio.sleep(0.1)
     return lock
-
-
-def _locked(lock: int) -> bool:
-    """Lock it where nobody else has."""
-    with contextlib.suppress(BlockingIOError):
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return True
-    return False
 
 
 def _process(state: Path) -> str:

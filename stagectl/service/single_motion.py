@@ -13,7 +13,6 @@ import json
 import math
 import os
 import signal
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +33,7 @@ from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Child, Companion, running_companion, start
 from stagectl.service.job_from_stage import orders, post, relative
-from stagectl.service.shutdown_signals import heard
+from stagectl.service.shutdown_signals import heard, taken_by
 
 Progress = Callable[[int, int], None]  # (cycles done, cycles in all)
 
@@ -149,21 +148,14 @@ def _handing_on(loop: Child) -> Iterator[list[int]]:
 
     A KeyboardInterrupt can be lost, and a shell's background process inherits SIGINT as ignored.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield []
-        return
     came: list[int] = []
 
     def hand_on(number: int, _: object) -> None:
         came.append(number)
         loop.signal(signal.SIGINT)
 
-    before = {number: signal.signal(number, hand_on) for number in heard()}
-    try:
+    with taken_by(hand_on, heard()):
         yield came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 def posted(motion: Motion, shared: Shared) -> Post:

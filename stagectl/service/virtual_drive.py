@@ -20,7 +20,6 @@ from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.inject import InjectionSocket, ask, obey, socket_path
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
-from stagectl.number_format import length
 from stagectl.realtime.scheduling import settle
 from stagectl.service.child_process import PYTHON, environment
 
@@ -154,7 +153,6 @@ def virtual_node(
     inside = p._replace(drive=p.drive._replace(delay_samples=p.drive.delay_samples - 1))
     plant = Plant(inside, setup.file.simulation, setup.dt, setup.file.brake.holding(p, 0.0))
     damping = p.mechanics.inertia * 2.0 * math.pi * VELOCITY_LOOP / p.motor.force_constant
-    axis = setup.file.axis
     return VirtualNode(
         wire,
         plant,
@@ -162,7 +160,7 @@ def virtual_node(
         "wall" if time else setup.file.simulation.clock,
         damping,
         report,
-        distance=lambda way: length(way * axis.travel_per_unit, axis.travel_unit),
+        distance=setup.file.axis.travel.length,
         time=time or WALL,
         faults=setup.file.virtual_drive.faults,
         brake=setup.file.brake,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from stagectl.trajectories.periodic import FLAT, Multisine
 from stagectl.trajectories.profiles import SCurve, Trapezoid
 from stagectl.trajectories.recorded import Recorded
 from stagectl.trajectories.sequence import Sequence, Sum, Trajectory
-from stagectl.units import quantity_of
+from stagectl.units import quantities_of
 
 
 class Peaks(NamedTuple):
@@ -60,10 +60,8 @@ def check(trajectory: Trajectory, place: str = "") -> None:
 
 def check_intervals(trajectory: Any, place: str) -> None:
     """Every number of a block against the interval of its field.  Raises TrajectoryError."""
-    for name, hint in get_type_hints(type(trajectory), include_extras=True).items():
-        quantity, values = quantity_of(hint), getattr(trajectory, name)
-        if quantity is None:
-            continue
+    for name, quantity in quantities_of(type(trajectory)).items():
+        values = getattr(trajectory, name)
         for row, value in enumerate(np.ravel(values).tolist()):
             if not (quantity.admits(value) and math.isfinite(value)):
                 key = below(place, f"{name}[{row}]" if np.ndim(values) else name)

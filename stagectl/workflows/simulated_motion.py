@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Fault
 from stagectl.evaluation import evaluate
-from stagectl.number_format import length
 from stagectl.realtime.safety import words
 from stagectl.recording.hdf5 import Recording, save
 from stagectl.service.single_motion import Motion
@@ -103,7 +102,7 @@ def envelope(setup: Setup, samples: NDArray[Any]) -> dict[str, Any]:
     at = float(samples["time"][first[0]])
     fault = f"{words(first[1])} at {at:.6g} s: `run` would stop there"
     if outside.any() and first[1] is not Fault.TRAVEL:
-        axis, left = setup.file.axis, int(np.argmax(outside))
-        farthest = length(float(np.abs(samples["measured"]).max()) * axis.travel_per_unit, axis.travel_unit)
+        left = int(np.argmax(outside))
+        farthest = setup.file.axis.travel.length(float(np.abs(samples["measured"]).max()))
         fault += f"; without a stop it left limits.travel at {samples['time'][left]:.6g} s, and got {farthest} away"
     return {"fault": fault, "in_position": False}

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from stagectl.drives.run_on import AxisLimits, RunOn
+from stagectl.number_format import Travel
 
 
 def simulated(run: RunOn, timeout: float, dt: float = 1e-6) -> float:
@@ -34,12 +35,12 @@ def test_the_longest_time_out_costs_the_free_distance(free: float) -> None:
 def test_what_nothing_stops_has_no_time_out() -> None:
     run = RunOn(0.3, 2.0, 0.0)
     assert math.isinf(run.distance(0.01)) and math.isinf(run.cost(0.01)) and run.longest(0.01) == 0.0
-    axis = AxisLimits(15.0, 0.3, False, run, run, 1.0, "m")
+    axis = AxisLimits(15.0, 0.3, Travel(1.0, "m", False), run, run)
     assert "nothing" in axis.words(0.01, True)
 
 
 def test_words_in_the_unit_of_the_table() -> None:
     """157 rad/s on a lead of 12 mm are 300 mm/s."""
     run = RunOn(157.08, 1080.0, 1080.0)
-    axis = AxisLimits(15.0, 157.08, True, run, run, 0.012 / (2.0 * math.pi), "m")
+    axis = AxisLimits(15.0, 157.08, Travel(0.012 / (2.0 * math.pi), "m", True), run, run)
     assert "300 mm/s" in axis.words(0.015, True) and "31.3 mm" in axis.words(0.015, True)

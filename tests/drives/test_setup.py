@@ -19,11 +19,12 @@ from stagectl.drives.drive import ACCEPTED, DriveError, Fault, Identity, StartUp
 from stagectl.drives.limits import SETUPS
 from stagectl.drives.run_on import AxisLimits, RunOn
 from stagectl.drives.virtual.node import VirtualNode
+from stagectl.number_format import Travel
 from tests.drives.workbench import DT, STEP, Workbench, enabled
 
 READ_ONLY, ABSENT = 0x0601_0002, 0x0602_0000
 RUN = RunOn(0.1, 100.0, 2.0)
-AXIS = AxisLimits(20.0, 0.1, False, RUN, RUN, 1.0, "m")
+AXIS = AxisLimits(20.0, 0.1, Travel(1.0, "m", False), RUN, RUN)
 
 
 class Stubborn:

@@ -141,15 +141,19 @@ def _opened(path: Path) -> int:
 
 def _locks(descriptor: int) -> bool:
     end = time.monotonic() + LOCK_PATIENCE
-    while True:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            if time.monotonic() > end:
-                return False
-            time.sleep(LOCK_PAUSE)
-        else:
-            return True
+    while not locked(descriptor):
+        if time.monotonic() > end:
+            return False
+        time.sleep(LOCK_PAUSE)
+    return True
+
+
+def locked(descriptor: int) -> bool:
+    """Lock an open file where no other process has; whether it is ours, until the last copy of it is closed."""
+    with contextlib.suppress(BlockingIOError):
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return True
+    return False
 
 
 def _command(pid: int) -> str:

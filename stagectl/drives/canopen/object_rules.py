@@ -60,7 +60,7 @@ def _slope(p: Wishes) -> int | None:
 
 def _revolutions(p: Wishes) -> int | None:
     """Speed limit in revolutions a minute; a linear motor has no such unit."""
-    return math.floor(p.limits.speed * 60.0 / (2.0 * math.pi)) if p.limits.rotary else None
+    return math.floor(p.limits.speed * 60.0 / (2.0 * math.pi)) if p.limits.travel.rotary else None
 
 
 def _increments(p: Wishes) -> int | None:
@@ -77,7 +77,7 @@ def _feed(p: Wishes) -> int | None:
 def _counts(p: Wishes, turns: int | None) -> int | None:
     """Counts of 0x6064 that so many turns behind the gear (0x6091) should make, by the stage file."""
     motor, shaft = p.offered(cia402.GEAR, 1) or 1, p.offered(cia402.GEAR, 2) or 1
-    return round(2.0 * math.pi * turns * motor / (shaft * p.encoder_step)) if p.limits.rotary and turns else None
+    return round(2.0 * math.pi * turns * motor / (shaft * p.encoder_step)) if p.limits.travel.rotary and turns else None
 
 
 def _period(p: Wishes) -> tuple[int, int] | tuple[None, None]:

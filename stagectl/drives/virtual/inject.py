@@ -13,14 +13,14 @@ import select
 import socket
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from stagectl.drives.bus.embedded import folder_of, is_socket
 from stagectl.drives.drive import DriveError
 from stagectl.drives.faults import BLOCKS
 from stagectl.drives.limits import INJECT_DATAGRAM, INJECT_TIME
 from stagectl.runtime_folder import short_name
-from stagectl.units import quantity_of
+from stagectl.units import quantities_of
 
 
 class InjectError(DriveError):
@@ -122,9 +122,9 @@ def obey(faults: Any, now: float, request: dict[str, Any]) -> dict[str, Any]:
 def _block(parameters: dict[str, Any]) -> Any:
     """The fault with these parameters; raises ValueError, KeyError or TypeError where it cannot be."""
     kind = BLOCKS[parameters["fault"]]
-    hints = get_type_hints(kind, include_extras=True)
+    quantities = quantities_of(kind)
     for name, value in parameters.items():
-        quantity = quantity_of(hints[name])
+        quantity = quantities.get(name)
         if quantity is not None and not (isinstance(value, int | float) and quantity.admits(value)):
             raise ValueError(f"{name} = {value}; must lie in {quantity.interval} {quantity.unit}".rstrip())
     return kind(**parameters)

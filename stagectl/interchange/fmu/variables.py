@@ -1,10 +1,10 @@
 """Variables of the FMU: the command, what the axis shows, and every parameter of the plant with its quantity."""
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.units import Quantity, quantity_of
+from stagectl.units import Quantity, quantities_of
 
 
 class Variable(NamedTuple):
@@ -69,9 +69,9 @@ class Leaf(NamedTuple):
 
 def leaves(block: Any, path: str = "", effect: bool = False, over: Quantity | None = None) -> Iterator[Leaf]:
     """All numbers in a block of parameters; `over` is the quantity of a harmonic, which is that of its amplitude."""
-    hints = get_type_hints(type(block), include_extras=True)
+    quantities = quantities_of(type(block))
     for name, value in block._asdict().items():
-        place, quantity = f"{path}{name}", quantity_of(hints[name])
+        place, quantity = f"{path}{name}", quantities.get(name)
         optional = effect or name in block._field_defaults
         if hasattr(value, "_fields"):
             yield from leaves(value, f"{place}.", optional, quantity)

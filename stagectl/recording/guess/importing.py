@@ -14,7 +14,7 @@ from stagectl.recording.guess.guess import Guess, GuessedColumn, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.imports import is_text_log, read
 from stagectl.recording.nominal_yaml import axis_values
-from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, scales_of_stage
+from stagectl.recording.scales import Known, Scales, scales_of_stage
 from stagectl.units import unit_on
 
 _LOGS = (".csv", ".txt", ".mat")
@@ -25,16 +25,6 @@ class Imported(NamedTuple):
 
     recording: Recording
     guess: Guess | None
-
-
-def recordings_in(
-    path: Path, setup: Setup | None, words: Mapping[str, str] | None, scales: Scales | None = None
-) -> list[Recording]:
-    """The recordings in a log or a folder, as a program reads them that does not ask: a sure guess is taken.
-
-    Raises RecordingError as `import_log` does.
-    """
-    return [log.recording for log in import_log(path, setup, words, NOTHING_KNOWN, unsure=False, scales=scales)]
 
 
 def import_log(

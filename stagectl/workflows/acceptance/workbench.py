@@ -14,7 +14,6 @@ from stagectl.drives.bus.other_masters import alone
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.kernels import equilibrium, stage
 from stagectl.motion_limits import check_current
-from stagectl.number_format import length
 from stagectl.service.virtual_timeouts import patient
 from stagectl.workflows.acceptance import limits
 from stagectl.workflows.acceptance.drive_reader import UNREAD, DriveReader, Protection, Stop
@@ -106,7 +105,7 @@ class Workbench:
 
     def words(self, way: float) -> str:
         """A distance of the axis as a person reads it."""
-        return length(self.table(way), self.setup.file.axis.travel_unit)
+        return self.setup.file.axis.travel.length(way)
 
     @contextlib.contextmanager
     def reading(self, beside_a_loop: bool = True) -> Iterator[DriveReader]:
