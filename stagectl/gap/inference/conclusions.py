@@ -13,7 +13,7 @@ from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.beside_unknown import beside_unknown
 from stagectl.gap.inference.coordinates import coordinates
 from stagectl.gap.inference.shape_fits import with_shape
-from stagectl.gap.inference.signatures import DriveSignature, signatures
+from stagectl.gap.inference.signatures import signatures
 from stagectl.gap.inference.value_errors import errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import NAMED, Coordinate, FoundEffect, Part, Spans, UnknownTerm
@@ -28,7 +28,7 @@ class Conclusions(NamedTuple):
 
     named: tuple[FoundEffect, ...]
     shifts: tuple[FoundEffect, ...]
-    signatures: tuple[DriveSignature, ...]
+    signatures: tuple[FoundEffect, ...]  # of the drive
     unknown: UnknownTerm | None
     models: tuple[Stage, ...]  # fitted models, the one that holds most of this first
 
@@ -58,7 +58,7 @@ def conclude(
     richest = with_shape(e, sure.fitted, shape) if shape is not None and shape.fields else now
     explained = [effect.name for effect in effects if effect.probability >= NAMED]
     seen = signatures(session, e, richest, (*excluded, *explained))
-    once = {*excluded, *(signature.effect.name for signature in seen)}  # what is both fitted and seen counts once
+    once = {*excluded, *(signature.name for signature in seen)}  # what is both fitted and seen counts once
     return Conclusions(
         tuple(effect for effect in effects if effect.name not in once),
         tuple(shift for shift in shifted_parameters.shifted(session, shifts, now) if shift.name not in excluded),

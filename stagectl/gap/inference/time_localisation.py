@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.inference import parameter_errors, thresholds
-from stagectl.gap.inference.signatures import DriveSignature
+from stagectl.gap.inference import parameter_errors, signatures, thresholds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -33,10 +32,10 @@ class Contributor(NamedTuple):
 
 
 def contributors(
-    session: Session, e: Evidence, now: Fitted, named: Sequence[FoundEffect], signatures: Sequence[DriveSignature]
+    session: Session, e: Evidence, now: Fitted, named: Sequence[FoundEffect], seen: Sequence[FoundEffect]
 ) -> list[Contributor]:
     """Everything in the diagnosis that acts at certain times: the effects, or else the parameters that are off."""
-    effects = [*_effects(now), *_of_drive(now, signatures)]
+    effects = [*_effects(now), *_of_drive(now, seen)]
     if effects:
         return effects
     return [
@@ -60,13 +59,12 @@ def _effects(now: Fitted) -> list[Contributor]:
     ]
 
 
-def _of_drive(now: Fitted, signatures: Sequence[DriveSignature]) -> list[Contributor]:
+def _of_drive(now: Fitted, seen: Sequence[FoundEffect]) -> list[Contributor]:
     """The drive's signatures together; a jitter acts where a dead time of its size would."""
-    if not signatures:
+    if not seen:
         return []
-    plain = stage = now.equipped.stage
-    for signature in signatures:
-        stage = signature.put_in(stage)
+    plain = now.equipped.stage
+    stage = signatures.put_in(plain, seen)
     drive = plain.drive._replace(
         current_quantum=stage.drive.current_quantum, dead_time=plain.drive.dead_time + stage.drive.jitter
     )
