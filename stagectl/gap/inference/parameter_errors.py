@@ -24,6 +24,7 @@ from stagectl.gap.selection import baseline_fit, constants, linearised, refine
 from stagectl.gap.selection.linearised import Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
+from stagectl.kernels.fields import put
 
 UNITS = {
     "inertia": "kg m^2 | kg",
@@ -127,7 +128,7 @@ def undone(session: Session, e: Evidence, now: Fitted, name: str) -> TrackedMode
     """The fitted model with one parameter, named as a shift is, back at its nominal value."""
     whole = now.equipped
     if name == "presliding":
-        return whole._replace(stage=whole.stage._replace(friction=session.stage.friction))
+        return put(whole, "stage.friction", session.stage.friction)
     if name == "force_constant":
         return whole._replace(stage=session.stage)
     return refine.moved(e, whole, _moves(session, e, now)[name])
@@ -208,7 +209,7 @@ def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Erro
     if min(sizes) <= thresholds.FRICTIONLESS * max(sizes):
         return
     zone = stage.scaled_friction(nominal, sizes[1] / sizes[0])
-    other = refine.residuals(e, now.model._replace(stage=now.model.stage._replace(friction=zone)), now.effects)
+    other = refine.residuals(e, put(now.model, "stage.friction", zone), now.effects)
     without, present = (_beside_friction(e, residuals) for residuals in (other, now.residuals))
     odds = 0.5 * (linearised.gain_of_strokes(without, present) - np.log(len(present.strokes)))
     views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]

@@ -27,6 +27,7 @@ from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
+from stagectl.kernels.fields import put
 
 SINGLE = ((EVEN,), (ODD,), (EVEN, ODD))  # parts of a function of one coordinate and the direction
 WITH_ACCELERATION = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # tried where no single coordinate is enough
@@ -183,8 +184,7 @@ def with_shape(e: Evidence, now: Fitted, shape: UnknownTerm) -> Fitted:
 
     Without that refit the gap may widen: the base has bent towards the unknown, and must bend back.
     """
-    stage = now.model.stage._replace(residual=as_table(shape))
-    return refine.refine(e, now.model._replace(stage=stage), now.effects)
+    return refine.refine(e, put(now.model, "stage.residual", as_table(shape)), now.effects)
 
 
 def as_table(shape: UnknownTerm) -> effects.Table:

@@ -17,6 +17,7 @@ from stagectl.gap.result.diagnosis import FoundEffect, Spans
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import plant_with_effects
+from stagectl.kernels.fields import put
 from stagectl.parallel import in_parallel
 
 Flags = NDArray[np.bool_]
@@ -63,12 +64,10 @@ def _of_drive(now: Fitted, seen: Sequence[FoundEffect]) -> list[Contributor]:
     """The drive's signatures together; a jitter acts where a dead time of its size would."""
     if not seen:
         return []
-    plain = now.equipped.stage
-    stage = signatures.put_in(plain, seen)
-    drive = plain.drive._replace(
-        current_quantum=stage.drive.current_quantum, dead_time=plain.drive.dead_time + stage.drive.jitter
-    )
-    return [Contributor(now.equipped._replace(stage=plain._replace(drive=drive)), now.equipped, "drive")]
+    plain = now.equipped
+    drive = signatures.put_in(plain.stage, seen).drive
+    late = put(plain, "stage.drive.dead_time", plain.stage.drive.dead_time + drive.jitter)
+    return [Contributor(put(late, "stage.drive.current_quantum", drive.current_quantum), plain, "drive")]
 
 
 def spans(e: Evidence, now: Fitted, runs: Sequence[Run], parts: Sequence[Contributor]) -> list[Spans]:

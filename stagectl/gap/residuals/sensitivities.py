@@ -80,8 +80,7 @@ def _current_in_time(p: TrackedModel, path: MeasuredPath) -> tuple[TrackedModel,
         return p, _earlier(path, 0 if unknown else 2, p.shift / path.dt)
     late = p.stage.drive.telemetry.late + p.shift
     whole = math.floor(late / path.dt)
-    stage = put(p.stage, "drive.telemetry.late", late - whole * path.dt)
-    return p._replace(stage=stage), _earlier(path, 2, whole)
+    return put(p, "stage.drive.telemetry.late", late - whole * path.dt), _earlier(path, 2, whole)
 
 
 @functools.lru_cache(maxsize=16)  # most models of one fit have the same shift

@@ -26,6 +26,7 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.gap.validation.thresholds import BLOCKS, OPEN_ABOVE_FLOOR, OPEN_CLOSURE
+from stagectl.kernels.fields import put
 from stagectl.kernels.stage import Stage
 from stagectl.units import unit_on
 
@@ -140,7 +141,7 @@ def _worth(
     def of(members: frozenset[str]) -> Array:
         model = now.model if PARAMETERS in members else nominal
         if UNEXPLAINED in members:
-            model = model._replace(stage=model.stage._replace(residual=improved.residual))
+            model = put(model, "stage.residual", improved.residual)
         return remaining(equipped(model, [fitted for fitted in now.effects if fitted.effect.name in members]))
 
     players = [PARAMETERS, *names, *tables]
