@@ -29,7 +29,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.number_format import percent
-from stagectl.units import ROTARY
+from stagectl.units import ROTARY, unit_on
 
 
 class SpeedSpan(NamedTuple):
@@ -157,7 +157,7 @@ def _deviation(force: Array, angle: Array, revolutions: int) -> float:
 
 def _unit(file: StageFile) -> str:
     """Of the axis's speeds."""
-    return "rad/s" if file.axis.kind == ROTARY else "m/s"
+    return unit_on(file.axis.kind, "rad/s | m/s")
 
 
 def _clipped(span: SpeedSpan, file: StageFile) -> Note:

@@ -29,7 +29,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.number_format import percent
-from stagectl.units import ROTARY
+from stagectl.units import unit_on
 
 
 class Stroke(NamedTuple):
@@ -174,7 +174,7 @@ def _check(strokes: list[Stroke], captures: list[Capture], file: StageFile) -> N
         )
     shortest = min(stroke.length for stroke in strokes)
     step, least = max(capture.encoder_step for capture in captures), thresholds.STROKE_STEPS
-    unit = "rad" if file.axis.kind == ROTARY else "m"
+    unit = unit_on(file.axis.kind, "rad | m")
     if not shortest > least * step:
         raise IdentificationError(
             f"a stroke of {shortest:.4g} {unit}; must be at least {least:g} encoder steps of {step:.4g}, to resolve "

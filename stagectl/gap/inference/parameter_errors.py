@@ -25,6 +25,7 @@ from stagectl.gap.selection.linearised import Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 from stagectl.kernels.fields import put
+from stagectl.units import unit_on
 
 UNITS = {
     "inertia": "kg m^2 | kg",
@@ -161,18 +162,13 @@ def _materials(
     return found
 
 
-def _unit(name: str, kind: str) -> str:
-    rotary, *linear = UNITS[name].split(" | ")
-    return linear[0] if linear and kind == "linear" else rotary
-
-
 def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
     """The shift of the first of `views`, as sure as the least sure of them."""
     p, sure = views[0], min(_probability(name, view) for view in views)
     error = max(float(np.hypot(view.deviation, view.value - p.value)) for view in views)
     change, spread, half = (p.value - p.nominal) / p.scale, error / p.scale, NORMAL * error
     lowest, larger = 0.0 if name in POSITIVE else -np.inf, max(view.larger for view in views)
-    value = Value(p.value, max(p.value - half, lowest), p.value + half + larger, _unit(name, kind))
+    value = Value(p.value, max(p.value - half, lowest), p.value + half + larger, unit_on(kind, UNITS[name]))
     return Shift(name, change, spread, share, value, sure, alike, p.nominal == 0.0, p.scale)
 
 
