@@ -91,7 +91,7 @@ def refine(
     It ends early where the sum of squares of a `rival` is out of reach: all steps that are left, each as good as the
     last one, would not come to it.
     """
-    now = _fitted(e, model, tuple(effects))
+    now = at_values(e, model, tuple(effects))
     if not np.isfinite(now.residual_sum_of_squares):  # it diverged: there is no step to take
         return now
     around = any(valued.effect.nonlinear for valued in effects)  # whether the base's columns are those with the effects
@@ -114,11 +114,12 @@ def _fall(before: Fitted, after: Fitted) -> float:
 
 def first_step(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
     """One step from these values, the base's columns taken without the effects: enough to tell initial values apart."""
-    now = _fitted(e, model, tuple(effects))
+    now = at_values(e, model, tuple(effects))
     return _step(e, now).after if np.isfinite(now.residual_sum_of_squares) else now
 
 
-def _fitted(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...]) -> Fitted:
+def at_values(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...]) -> Fitted:
+    """`model` with `effects` as they are, and what these leave."""
     left = residuals(e, model, effects)
     return Fitted(model, effects, left, total(e, left))
 
@@ -152,7 +153,7 @@ def _step(e: Evidence, now: Fitted) -> _Step:
     step = priors.bounded_step(g, names, limits, informed, weight)
 
     def after(move: Mapping[str, float]) -> Fitted:
-        return _fitted(e, moved(e, now.model, move), tuple(_shifted(valued, move) for valued in now.effects))
+        return at_values(e, moved(e, now.model, move), tuple(_shifted(valued, move) for valued in now.effects))
 
     def cost(f: Fitted) -> float:
         sizes = sum((value / width) ** 2 for value, width in _informed(f).values())
