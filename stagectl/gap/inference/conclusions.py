@@ -5,8 +5,6 @@ Held-out runs have no part in it; `validation` judges it afterwards.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.inference import attribution, parameter_errors, shifted_parameters, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
@@ -17,6 +15,7 @@ from stagectl.gap.inference.signatures import signatures
 from stagectl.gap.inference.value_errors import errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import NAMED, Coordinate, FoundEffect, Part, Spans, UnknownTerm
+from stagectl.gap.selection.baseline_fit import is_measured
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence
@@ -90,9 +89,8 @@ def localise(
     off = [shift for shift in conclusions.shifts if shift.probability >= NAMED]
     acting = time_localisation.contributors(session, e, now, off, conclusions.signatures)
     parts = attribution.parts_of(e, selected, conclusions.effects)
-    measured = bool(np.isfinite(e.runs[0].mean.rows[:, 2]).all())
     return Localisation(
-        attribution.blocks(parts, parity, measured),
+        attribution.blocks(parts, parity, is_measured(e.runs)),
         parts,
         attribution.with_coordinates(parts, coordinates(e, functions)),
         tuple(time_localisation.spans(e, now, e.runs, acting)),

@@ -25,6 +25,7 @@ from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import FoundEffect, Value
+from stagectl.gap.selection.baseline_fit import is_measured
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.stage import Drive, Stage
 from stagectl.parallel import in_parallel
@@ -41,7 +42,7 @@ class MissingCurrent(NamedTuple):
 def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> list[FoundEffect]:
     """The drive's effects on single commands; none where no current is measured along with the command."""
     candidates = [_saturated(session)]
-    if np.isfinite(e.runs[0].mean.rows[:, 2]).all() and all(log.exact for run in e.runs for log in run.logs):
+    if is_measured(e.runs) and all(log.exact for run in e.runs for log in run.logs):
         runs = missing_currents(now.equipped, e)
         logs = [log for run in runs for log in run]
         candidates += [quantised(session.stage.drive, logs), jittered(runs)]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.gap.inference import parameter_errors, signatures, thresholds
+from stagectl.gap.logs import row_validity
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -160,9 +161,8 @@ def _smoothed(signal: Array, run: Run) -> Array:
 
 def stretches(flags: Flags, dt: float) -> tuple[tuple[float, float], ...]:
     """Spans (s) in which `flags` (n,) hold; short closures are bridged, short openings dropped."""
-    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
     joined: list[tuple[float, float]] = []
-    for begin, end in zip((edges[::2] * dt).tolist(), (edges[1::2] * dt).tolist(), strict=True):
+    for begin, end in ((first * dt, beyond * dt) for first, beyond in row_validity.stretches(flags)):
         if joined and begin - joined[-1][1] < thresholds.BRIDGED:
             joined[-1] = (joined[-1][0], end)
         else:
