@@ -83,7 +83,7 @@ def diagnose(session: Session, options: Options, progress: Progress) -> Diagnosi
 def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: Progress) -> Diagnosis:
     timer.begin(Step.CONTROLLER)
     agreement = check_command(session)
-    if agreement.checked and not agreement.agrees:
+    if not agreement.agrees:
         return _beside_the_controller(session, agreement, options, timer, progress)
     if reason := unidentifiable(session):
         return Diagnosis(_unsearched(session, "not-identifiable", reason), session.stage)
@@ -99,7 +99,7 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     selected = value_errors.borne_out(evidence, library, selected, functions, progress)
     selected = selected._replace(fitted=cable_centre.centred(evidence, selected.fitted))
     evidence, selected = constant_force.settled(evidence, library, selected, progress)
-    fits = Fits(session, agreement, evidence, library, functions, options.excluded)
+    fits = Fits(session, agreement.checked, evidence, library, functions, options.excluded)
     said = conclusions_that_hold(fits, selected, timer)
     result = _answer(session, said)
     timer.begin(Step.EXPERIMENT)
@@ -117,7 +117,7 @@ def _beside_the_controller(
     Without a known controller no loop is simulated, and the gap is that of the effort.
     """
     alone = _unsearched(session, "controller", agreement.words)
-    if all(log.command is None for log in session.logs) or unidentifiable(session):
+    if unidentifiable(session):
         return Diagnosis(alone, session.stage)
     logs = tuple(log._replace(setpoints=None) for log in session.logs)
     beside = _diagnosed(session._replace(law=None, logs=logs), options._replace(advice=False), timer, progress)

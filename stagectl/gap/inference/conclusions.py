@@ -5,7 +5,6 @@ Held-out runs have no part in it; `validation` judges it afterwards.
 
 from typing import NamedTuple
 
-from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.inference import attribution, parameter_errors, shifted_parameters, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.beside_unknown import beside_unknown
@@ -82,15 +81,15 @@ def localise(
     selected: Selection,
     conclusions: Conclusions,
     functions: BasisColumns,
-    parity: CommandCheck,
+    checked: bool,
 ) -> Localisation:
-    """In which block of the loop, over which coordinate, and when in each log."""
+    """In which block of the loop, over which coordinate, and when in each log; `checked`: its command was."""
     now = selected.fitted
     off = [shift for shift in conclusions.shifts if shift.probability >= NAMED]
     acting = time_localisation.contributors(session, e, now, off, conclusions.signatures)
     parts = attribution.parts_of(e, selected, conclusions.effects)
     return Localisation(
-        attribution.blocks(parts, parity, is_measured(e.runs)),
+        attribution.blocks(parts, checked, is_measured(e.runs)),
         parts,
         attribution.with_coordinates(parts, coordinates(e, functions)),
         tuple(time_localisation.spans(e, now, e.runs, acting)),

@@ -77,11 +77,10 @@ def directions(session: Session, model: TrackedModel, measured: bool) -> list[Di
         _mechanics("viscous", viscous),
         *(_weight(k, thresholds.WEIGHT_CHANGE * coulomb) for k in range(len(p.friction.operators.weight))),
     ]
+    later = thresholds.SHIFT_CHANGE * session.dt
     if measured or not any(log.commanded for log in session.logs):
-        step = thresholds.SHIFT_CHANGE * session.dt
-        moving.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + step), step))
+        moving.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + later), later))
     else:
-        later = thresholds.SHIFT_CHANGE * session.dt
         moving.append(Direction(DELAY, lambda m: m._replace(stage=delayed(m.stage, later, session.dt)), later))
     if p.friction.bristle.coulomb > 0.0:
         moving += [
