@@ -39,6 +39,11 @@ class Block(NamedTuple):
             return default
         return self._checked(key, self.values[key], quantity)
 
+    def fields(self, kind: type, *required: str, **defaults: float) -> list[float]:
+        """The numbers at the fields of a parameter block: those that are `required`, then those with `defaults`."""
+        given: dict[str, float | None] = {**dict.fromkeys(required), **defaults}
+        return [self.number(name, quantity(kind, name), default) for name, default in given.items()]
+
     def whole(self, key: str, quantity: Quantity, default: int | None = None) -> int:
         """The whole number at `key`."""
         value = self.number(key, quantity, default)
