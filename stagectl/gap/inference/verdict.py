@@ -96,7 +96,7 @@ def _alternatives(name: str, selected: Selection) -> tuple[str, ...]:
     present = {fitted.effect.name for fitted in selected.fitted.effects}
     comparable = [other for other in selected.alternatives[name] if other in selected.rivals[name]]
     alike = [*comparable, *library.look_alikes(name, Data.ONE_SPEED)]
-    barred = {*library.generalisations(name), *present}
+    barred = {*library.EFFECTS[name].generalisations, *present}
     return tuple(dict.fromkeys([*exact, *(other for other in alike if other not in barred)]))
 
 

@@ -101,19 +101,14 @@ def _later_value(signal: Array, samples: float) -> Array:
     return value
 
 
-def residuals(p: TrackedModel, run: Run, noise: Whitener) -> list[Array]:
-    """Whitened residual (m, 2) of each repeat: effort and current."""
-    return [_whitened(run, model_residual(p, path), noise) for path in run.paths]
-
-
 def mean_residuals(p: TrackedModel, runs: Sequence[Run], noise: Whitener) -> list[Array]:
     """Whitened residual (m, 2) of each run along the mean of its repeats."""
     return in_parallel(lambda run: _whitened(run, model_residual(p, run.mean), noise), runs)
 
 
 def residuals_of(p: TrackedModel, runs: Sequence[Run], noise: Whitener) -> list[list[Array]]:
-    """`residuals` of all runs, over all cores."""
-    return in_parallel(lambda run: residuals(p, run, noise), runs)
+    """Whitened residual (m, 2) of each run and repeat, effort and current; over all cores."""
+    return in_parallel(lambda run: [_whitened(run, model_residual(p, path), noise) for path in run.paths], runs)
 
 
 def deviations(

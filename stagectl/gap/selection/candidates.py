@@ -100,7 +100,7 @@ def equipped(p: TrackedModel, effects: Sequence[EffectValues]) -> TrackedModel:
 
 def without(effects: Sequence[Definition], excluded: Sequence[str]) -> list[Definition]:
     """The library without the effects `excluded`, and without wider effects that hold them as a special case."""
-    gone = {*excluded, *(wider for name in excluded for wider in library.generalisations(name))}
+    gone = {*excluded, *(wider for name in excluded for wider in library.EFFECTS[name].generalisations)}
     return [effect for effect in effects if effect.name not in gone]
 
 

@@ -99,17 +99,14 @@ def refine(
     for remaining in reversed(range(steps)):
         before, (now, gain, promised) = now, _step(e, now)
         if gain >= thresholds.SETTLED:
-            if now.residual_sum_of_squares - remaining * _fall(before, now) > rival:
+            left = now.residual_sum_of_squares
+            if left - remaining * (before.residual_sum_of_squares - left) > rival:
                 break
             continue
         if around or promised < thresholds.BROKEN_PROMISE:
             break
         around, e = True, _around(e, now)
     return now
-
-
-def _fall(before: Fitted, after: Fitted) -> float:
-    return before.residual_sum_of_squares - after.residual_sum_of_squares
 
 
 def first_step(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
