@@ -2,7 +2,7 @@
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
-from stagectl.gap.effects.stage_changes import added, decay, filled, harmonic_parameters, put
+from stagectl.gap.effects.stage_changes import filled, harmonic_parameters, put, sized, warming
 from stagectl.kernels.stage import Stage
 
 
@@ -71,15 +71,11 @@ def _stepped(p: Stage, v: Values) -> Stage:
 
 
 PARAMETERS: dict[str, ParametersOf] = {
-    "coulomb_asymmetry": lambda _: Parameters(
-        (Amplitude("size", "", (0.03,), -0.9, 0.9),), (), added(size="friction.asymmetry")
-    ),
+    "coulomb_asymmetry": sized(Amplitude("size", "", (0.03,), -0.9, 0.9), "friction.asymmetry"),
     "stribeck": _stribeck,
     "friction_lag": _lag,
     "dwell": _dwell,
-    "load_friction": lambda _: Parameters(
-        (Amplitude("share", "", (0.03,), 0.0, 0.5),), (), added(share="friction.load")
-    ),
+    "load_friction": sized(Amplitude("share", "", (0.03,), 0.0, 0.5), "friction.load"),
     "position_friction": _position,
     "lead_friction": lambda s: harmonic_parameters(
         "friction.lead", "", 0.03, (1.0, *s.orders.get("lead_friction", ())), 0.7
@@ -87,11 +83,6 @@ PARAMETERS: dict[str, ParametersOf] = {
     "ball_pass_ripple": lambda s: harmonic_parameters(
         "friction.ball_pass", "", 0.03, s.orders.get("ball_pass_ripple", ()), 0.7
     ),
-    "thermal_coulomb": lambda _: Parameters(
-        (Amplitude("rise", "", (0.1,), -0.9, 5.0),),
-        (Shape("time", "s", grids.WARMING_TIMES),),
-        filled("friction.warming", rise="rise", time="time"),
-        TimeVariation({"rise": "coulomb"}, decay),
-    ),
+    "thermal_coulomb": warming("friction.warming", "coulomb", 0.1),
     "friction_step": _step,
 }
