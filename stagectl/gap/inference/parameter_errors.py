@@ -259,7 +259,7 @@ def common(known: Sequence[Shift]) -> Shift | None:
         return None
     scale = float(np.exp(-logs[0]))  # the inertia is known best
     width = NORMAL * max(three[0].deviation, thresholds.COMMON_ERROR)
-    value = Value(scale - 1.0, scale - 1.0 - width, scale - 1.0 + width, "")
+    value = Value.around(scale - 1.0, width, "")
     return Shift(
         "force_constant",
         scale - 1.0,

@@ -98,7 +98,7 @@ def quantised(drive: Drive, logs: list[MissingCurrent]) -> FoundEffect | None:
     _, step, width = max(lines, key=lambda line: line[0])
     if abs(step - drive.current_quantum) <= width:
         return None
-    return _signature("current_quantisation", "step", Value(step, step - width, step + width, "A"))
+    return _signature("current_quantisation", "step", Value.around(step, width, "A"))
 
 
 def _signature(name: str, parameter: str, value: Value, alternatives: tuple[str, ...] = ()) -> FoundEffect:
@@ -173,7 +173,7 @@ def jittered(runs: list[list[MissingCurrent]]) -> FoundEffect | None:
     ):
         return None
     size, width = math.sqrt(slope), 0.5 * deviation / math.sqrt(slope)
-    return _signature("jitter", "rms", Value(size, size - NORMAL * width, size + NORMAL * width, "s"))
+    return _signature("jitter", "rms", Value.around(size, NORMAL * width, "s"))
 
 
 def _deviations(run: list[MissingCurrent]) -> list[Array]:

@@ -54,7 +54,8 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
     notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
     notes += [(log.name, note) for log, log_notes in finished for note in log_notes]
     of_drive = order_doubts if held else drive_doubts
-    doubts = [(log.name, doubt) for log, _ in finished for doubt in of_drive(log.command, log.current, dt)]
+    both = [(log.name, log.command, log.current) for log, _ in finished]
+    doubts = [(name, doubt) for name, x, y in both if x is not None and y is not None for doubt in of_drive(x, y, dt)]
     axis = machine.axis
     session = Session(
         place=paths[0],
