@@ -149,7 +149,7 @@ def unidentifiable(session: Session) -> str:
 
 def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
     """The training runs, with the nominal model refitted to them; `excluded` parameters stay at their values."""
-    training, nominal = runs(session), sensitivities.model_of(session, session.stage)
+    training, nominal = runs(session), sensitivities.model_of(session.stage, session.dt)
     return refine.evidence(training, bristle_shape.refit(session, training, nominal, excluded))
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
 from stagectl.gap.residuals.half_strokes import Run, without_drift_at_rest
 from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
@@ -50,15 +50,10 @@ class Direction(NamedTuple):
     load: float = 0.0  # share of the friction's limit with which the runs begin
 
 
-def model_of(session: Session, stage: Stage) -> TrackedModel:
-    """`stage` with the tracker of the session's nominal model."""
-    return TrackedModel(stage, unit_tracker(session.stage, session.dt))
-
-
-def unit_tracker(nominal: Stage, dt: float) -> feedback.Pid:
-    """The tracker of the `nominal` model for a stage that one ampere accelerates by one."""
+def model_of(nominal: Stage, dt: float) -> TrackedModel:
+    """The `nominal` model with its tracker for rows every `dt` (s): that of all models in its place."""
     tracker = model_tracking.tracker(nominal, dt)
-    return feedback.scaled(tracker, nominal.motor.force_constant / nominal.mechanics.inertia)
+    return TrackedModel(nominal, feedback.scaled(tracker, nominal.motor.force_constant / nominal.mechanics.inertia))
 
 
 def model_residual(p: TrackedModel, path: MeasuredPath, substeps: int = SUBSTEPS, load: float = 0.0) -> ModelResidual:
