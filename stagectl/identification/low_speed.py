@@ -150,15 +150,10 @@ def fitted(strokes: list[Stroke], encoder_step: float) -> OperatorFit:
     return OperatorFit(values[:-2][kept], slip[kept], offset, float(norm) / math.sqrt(len(force)))
 
 
-def table_force(fit: OperatorFit, displacement: Array) -> Array:
-    """``T(s)`` (n,) of the operators at displacements (n,) since a reversal."""
-    return np.asarray(np.clip(displacement[:, None] / fit.slip - 1.0, -1.0, 1.0) @ fit.weight, dtype=np.float64)
-
-
 def characteristic(fit: OperatorFit) -> Characteristic:
     """The operators with their table, a quarter further than the last bend."""
     displacement = np.linspace(0.0, 2.5 * float(fit.slip[-1]), thresholds.TABLE_POINTS)
-    return Characteristic(displacement, table_force(fit, displacement), fit.weight, fit.slip)
+    return Characteristic.over(displacement, fit.weight, fit.slip)
 
 
 def _check(strokes: list[Stroke], captures: list[Capture], file: StageFile) -> None:

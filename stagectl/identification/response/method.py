@@ -112,16 +112,15 @@ def _fitted(merged: list[Curve], file: StageFile) -> list[ConditionFit]:
     if still:
         largest = still[-1]
         p = fits.lines([largest], constant)
-        plain = (fits.gain_curve(p), fits.linear(p), fits.linear(p, thresholds.PAPER_LAG), fits.with_delay(p, "delay"))
+        plain = (fits.gain_curve(p), fits.linear(p), fits.linear(p, thresholds.PAPER_LAG), fits.with_delay(p))
         biased = [ConditionFit(LARGEST, fit, largest.amplitude) for fit in plain]
     free: list[ConditionFit] = []
     sines = [curve for curve in merged if not curve.moving and curve.kind == "sine"]
     if sines and _separates_friction(p := fits.lines(sines, constant)):
-        fit = fits.with_friction(p, "friction-corrected")
-        free.append(ConditionFit("all sines", fit, sines[-1].amplitude))
+        free.append(ConditionFit("all sines", fits.with_friction(p), sines[-1].amplitude))
     moving = [curve for curve in merged if curve.moving]
     if moving and len((p := fits.lines(moving, constant)).frequency) >= thresholds.LEAST_LINES:
-        free.append(ConditionFit("axis kept moving", fits.with_delay(p, "delay"), moving[-1].amplitude))
+        free.append(ConditionFit("axis kept moving", fits.with_delay(p), moving[-1].amplitude))
     fitted = biased + sorted(free, key=lambda entry: -entry.fit.covariance[1, 1])
     if not fitted:
         text = f"no condition has {thresholds.LEAST_LINES} sound lines: record more frequencies at one amplitude"
