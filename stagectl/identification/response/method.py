@@ -24,6 +24,7 @@ from stagectl.identification.response.lines import Curve, coherence_threshold, c
 from stagectl.identification.response.sampling_correction import known_delay
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic, unit_of
 from stagectl.number_format import percent
+from stagectl.typed_json import plain
 
 LARGEST = "largest amplitude"
 
@@ -216,21 +217,9 @@ def _friction_effect(curve: Curve, fit: fits.ResponseFit, constant: float) -> di
 
 def _curve_values(curve: Curve) -> dict[str, Any]:
     """A curve as JSON values; NaN becomes null."""
-    return {
-        "name": curve.name,
-        "kind": curve.kind,
-        "amplitude": curve.amplitude,
-        "moving": curve.moving,
-        "periods": curve.periods,
-        "distortion": None if math.isnan(curve.distortion) else curve.distortion,
-        "frequency": curve.frequency.tolist(),
-        "gain": np.abs(curve.response).tolist(),
-        "phase": np.unwrap(np.angle(curve.response)).tolist(),
-        "deviation": [None if math.isnan(x) else x for x in curve.deviation.tolist()],
-        "coherence": [None if math.isnan(x) else x for x in curve.coherence.tolist()],
-        "velocity": curve.velocity.tolist(),
-        "sound": curve.sound.tolist(),
-    }
+    polar = {"gain": np.abs(curve.response), "phase": np.unwrap(np.angle(curve.response))}
+    shown = {**curve._asdict(), **polar, "sound": curve.sound}
+    return {name: plain(value) for name, value in shown.items() if name not in ("response", "relay")}
 
 
 def _doubts(merged: list[Curve], taken: ConditionFit, capture: Capture) -> list[str]:
