@@ -18,15 +18,10 @@ def _with_stribeck(p: Stage, v: Values) -> Stage:
 
 
 def _lag(s: Scales) -> Parameters:
-    return Parameters(
-        (Amplitude("rise", "", (0.1,), 0.0, 3.0),),
-        (
-            Shape("velocity", "rad/s | m/s", tuple(s.speed * f for f in grids.STRIBECK_SPEEDS[1:4])),
-            Shape("shape", "", (1.0,)),
-            Shape("lag", "s", grids.FRICTION_LAGS),
-        ),
-        lambda p, v: put(_with_stribeck(p, v), "friction.lag", v["lag"]),
-    )
+    prompt = _stribeck(s)
+    velocity, shape = prompt.shapes
+    shapes = (velocity._replace(grid=velocity.grid[1:4]), shape, Shape("lag", "s", grids.FRICTION_LAGS))
+    return prompt._replace(shapes=shapes, apply=lambda p, v: put(_with_stribeck(p, v), "friction.lag", v["lag"]))
 
 
 def _dwell(s: Scales) -> Parameters:
