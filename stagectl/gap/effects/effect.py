@@ -44,7 +44,6 @@ class Scales(NamedTuple):
 
     coulomb: float  # N m | N
     viscous: float  # N m s/rad | N s/m
-    inertia: float  # kg m^2 | kg
     force_constant: float  # N m/A | N/A
     length: float  # rad | m, of the rolling zone
     speed: float  # rad/s | m/s, largest in the logs

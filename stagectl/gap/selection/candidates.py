@@ -116,7 +116,6 @@ def scales(session: Session, runs: Sequence[Run], orders: Mapping[str, tuple[flo
     return Scales(
         coulomb=friction_family.size(p),
         viscous=viscous_unit(p, session.dt),
-        inertia=p.mechanics.inertia,
         force_constant=p.motor.force_constant,
         length=friction_family.length(p.friction),
         speed=float(np.percentile(np.abs(velocity), LARGEST_SPEED)),
