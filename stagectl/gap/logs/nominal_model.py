@@ -146,4 +146,5 @@ def stribeck(curve: Block) -> friction.Stribeck:
 def bristle(rubbing: Block, curve: friction.Stribeck) -> friction_bristle.Bristle:
     """Dahl's or LuGre's bristle."""
     kind = friction_bristle.Bristle
-    return kind(*rubbing.fields(kind, "coulomb", "stiffness", exponent=1.0, damping=0.0), stribeck=curve)
+    coulomb, stiffness, exponent, damping = rubbing.fields(kind, "coulomb", "stiffness", exponent=1.0, damping=0.0)
+    return kind(coulomb, stiffness, exponent, damping, curve)
