@@ -16,7 +16,6 @@ from scipy import fft
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.inference import thresholds
-from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.logs.thresholds import KNOWN_LIMIT, PLATEAU
 from stagectl.gap.residuals import sensitivities
@@ -29,6 +28,7 @@ from stagectl.gap.selection.baseline_fit import is_measured
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.stage import Drive, Stage
 from stagectl.parallel import in_parallel
+from stagectl.recording.true_rows import stretches
 
 
 class MissingCurrent(NamedTuple):

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.gap.inference import parameter_errors, signatures, thresholds
-from stagectl.gap.logs import row_validity
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -20,6 +19,7 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import plant_with_effects
 from stagectl.kernels.fields import put
 from stagectl.parallel import in_parallel
+from stagectl.recording import true_rows
 
 Flags = NDArray[np.bool_]
 
@@ -162,7 +162,7 @@ def _smoothed(signal: Array, run: Run) -> Array:
 def stretches(flags: Flags, dt: float) -> tuple[tuple[float, float], ...]:
     """Spans (s) in which `flags` (n,) hold; short closures are bridged, short openings dropped."""
     joined: list[tuple[float, float]] = []
-    for begin, end in ((first * dt, beyond * dt) for first, beyond in row_validity.stretches(flags)):
+    for begin, end in ((first * dt, beyond * dt) for first, beyond in true_rows.stretches(flags)):
         if joined and begin - joined[-1][1] < thresholds.BRIDGED:
             joined[-1] = (joined[-1][0], end)
         else:
