@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from stagectl.gap.logs.session import NominalValueError
 from stagectl.problem import below, nearest
+from stagectl.recording.scales import number_in
 from stagectl.units import LINEAR, ROTARY, Quantity, quantity_of
 
 
@@ -95,10 +96,7 @@ class Block(NamedTuple):
         return NominalValueError(self.place, f"{self.name}.{key}", self.values.get(key), rule)
 
     def _checked(self, key: str, value: Any, quantity: Quantity) -> float:
-        try:
-            number = math.nan if isinstance(value, bool) else float(value)
-        except (TypeError, ValueError):
-            number = math.nan
+        number = number_in(value)
         if not quantity.admits(number):
             rule = f"must be a number{self._admissible(quantity)}"
             raise NominalValueError(self.place, f"{self.name}.{key}", value, rule)
