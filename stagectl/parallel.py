@@ -1,7 +1,7 @@
 """One function over many items at once: kernels release the interpreter lock, so that threads use all cores."""
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -24,3 +24,10 @@ def in_parallel(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
         return [function(item) for item in waiting]
     with ThreadPoolExecutor(min(cores(), len(waiting))) as pool:
         return list(pool.map(function, waiting))
+
+
+def once_for_each(function: Callable[[A], B], items: Sequence[A], keys: Sequence[Hashable]) -> list[B]:
+    """As `in_parallel`, but items with equal `keys` share what the function makes of the first of them."""
+    first = dict(zip(reversed(keys), reversed(items), strict=True))
+    found = dict(zip(first, in_parallel(function, first.values()), strict=True))
+    return [found[key] for key in keys]

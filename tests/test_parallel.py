@@ -33,6 +33,18 @@ def _inputs(amplitude: float, count: int) -> tuple[rollout.Loop, stage.State, tu
     return rollout.Loop(law, setup.stage), stage.at_rest(setup.stage), inputs, setup.dt
 
 
+def test_items_of_one_key_share_what_is_made_of_the_first() -> None:
+    made: list[str] = []
+
+    def upper(word: str) -> str:
+        made.append(word)
+        return word.upper()
+
+    words = ["one", "two", "other", "too"]
+    found = parallel.once_for_each(upper, words, [word[0] for word in words])
+    assert found == ["ONE", "TWO", "ONE", "TWO"] and sorted(made) == ["one", "two"]
+
+
 def test_order_of_the_items() -> None:
     def slow_at_first(number: int) -> int:
         time.sleep(0.02 if number == 0 else 0.0)

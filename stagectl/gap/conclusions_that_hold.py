@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.inference import verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise
@@ -18,7 +17,7 @@ class Fits(NamedTuple):
     """A session, and what was fitted to it."""
 
     session: Session
-    agreement: CommandCheck
+    checked: bool  # whether the command could be recomputed, and agreed
     evidence: Evidence
     library: Library
     functions: BasisColumns
@@ -44,7 +43,7 @@ def conclusions_that_hold(fits: Fits, selected: Selection, timer: StepTimer) -> 
     timer.begin(Step.PARAMETERS)
     conclusions = conclude(session, e, fits.library, selected, fits.functions, fits.excluded)
     timer.begin(Step.LOCALISATION)
-    location = localise(session, e, selected, conclusions, fits.functions, fits.agreement)
+    location = localise(session, e, selected, conclusions, fits.functions, fits.checked)
     timer.begin(Step.VALIDATION)
     validation = validate(session, e, selected, conclusions)
     refuted = validation.closure.refuted

@@ -83,7 +83,7 @@ def diagnose(session: Session, options: Options, progress: Progress) -> Diagnosi
 def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: Progress) -> Diagnosis:
     timer.begin(Step.CONTROLLER)
     agreement = check_command(session)
-    if agreement.checked and not agreement.agrees:
+    if not agreement.agrees:
         return _beside_the_controller(session, agreement, options, timer, progress)
     if reason := unidentifiable(session):
         return Diagnosis(_unsearched(session, "not-identifiable", reason), session.stage)
@@ -99,7 +99,7 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     selected = value_errors.borne_out(at, beside, selected, functions, progress)
     selected = selected._replace(fitted=cable_centre.centred(at, selected.fitted))
     evidence, selected = search_beside.alone(*constant_force.settled(at, beside, selected, progress))
-    fits = Fits(session, agreement, evidence, library, functions, options.excluded)
+    fits = Fits(session, agreement.checked, evidence, library, functions, options.excluded)
     said = conclusions_that_hold(fits, selected, timer)
     result = _answer(session, said)
     timer.begin(Step.EXPERIMENT)
@@ -117,7 +117,7 @@ def _beside_the_controller(
     Without a known controller no loop is simulated, and the gap is that of the effort.
     """
     alone = _unsearched(session, "controller", agreement.words)
-    if all(log.command is None for log in session.logs) or unidentifiable(session):
+    if unidentifiable(session):
         return Diagnosis(alone, session.stage)
     logs = tuple(log._replace(setpoints=None) for log in session.logs)
     beside = _diagnosed(session._replace(law=None, logs=logs), options._replace(advice=False), timer, progress)
@@ -149,7 +149,7 @@ def unidentifiable(session: Session) -> str:
 
 def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
     """The training runs, with the nominal model refitted to them; `excluded` parameters stay at their values."""
-    training, nominal = runs(session), sensitivities.model_of(session, session.stage)
+    training, nominal = runs(session), sensitivities.model_of(session.stage, session.dt)
     return refine.evidence(training, bristle_shape.refit(session, training, nominal, excluded))
 
 

@@ -90,7 +90,6 @@ class Capture(NamedTuple):
     excitation: Array | None = None  # A, injected into the command: the instrument of a frequency response
     reference: Array | None = None  # rad | m
     encoder_step: float = 0.0  # rad | m, 0: not known
-    steady: tuple[float, float] | None = None  # s, window of the steady part
     meta: Mapping[str, Any] = MappingProxyType({})  # of the recording
     notes: tuple[str, ...] = ()  # what is doubtful about it, for the user
     unevenness: float = 0.0  # s, rms of how far its time stamps were from equally spaced ones

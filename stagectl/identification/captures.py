@@ -152,7 +152,6 @@ def _capture(recording: Recording, part: Part, current: str, number: tuple[int, 
         reference=part.columns.get("reference"),
         encoder_step=_encoder_step(recording),
         unevenness=part.unevenness,
-        steady=_window(meta.get("steady"), part, length),
         meta={**meta, "excitation": _excitations(meta, part, length)} if "excitation" in meta else meta,
         notes=(*notes, part.note) if part.note else tuple(notes),
     )
@@ -171,14 +170,6 @@ def _moved(pieces: list[Part], notes: list[str], recording: Recording) -> tuple[
 
 def _encoder_step(recording: Recording) -> float:
     return float(recording.meta["axis"].get("encoder_step") or 0.0)
-
-
-def _window(window: Sequence[float] | None, part: Part, rows: int) -> tuple[float, float] | None:
-    """The share of a window (s, of the record) that lies in the part, in the part's time; None where it is empty."""
-    if window is None:
-        return None
-    begin, end = max(window[0] - part.start, 0.0), min(window[1] - part.start, part.dt * rows)
-    return (begin, end) if end > begin else None
 
 
 def _excitations(meta: Mapping[str, Any], part: Part, rows: int) -> list[dict[str, Any]]:

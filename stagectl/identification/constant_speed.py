@@ -29,7 +29,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.number_format import percent
-from stagectl.units import ROTARY
+from stagectl.units import ROTARY, unit_on
 
 
 class SpeedSpan(NamedTuple):
@@ -61,14 +61,13 @@ def identify(
     both = _check(spans, file)
     values, covariance, scatter = straight_line(spans, both)
     half = _quantile(len(spans) - len(values), len(spans), scatter) * np.sqrt(np.diag(covariance))
-    rotary = file.axis.kind == ROTARY
     parameters = {
         name: Parameter.named(name, file.axis.kind, value, wide)
         for name, value, wide in zip(("viscous", "coulomb", "offset"), values.tolist(), half.tolist(), strict=False)
     }
     details = _details(spans, parameters, scatter)
     changes = {"mechanics.viscous": parameters["viscous"].value}
-    doubts = _doubts(spans, scatter, file, rotary)
+    doubts = _doubts(spans, scatter, file)
     return IdentificationResult(parameters, None, details, (*notes, *doubts), changes)
 
 
@@ -157,7 +156,7 @@ def _deviation(force: Array, angle: Array, revolutions: int) -> float:
 
 def _unit(file: StageFile) -> str:
     """Of the axis's speeds."""
-    return "rad/s" if file.axis.kind == ROTARY else "m/s"
+    return unit_on(file.axis.kind, "rad/s | m/s")
 
 
 def _clipped(span: SpeedSpan, file: StageFile) -> Note:
@@ -230,12 +229,12 @@ def _details(spans: list[SpeedSpan], parameters: dict[str, Parameter], scatter: 
     }
 
 
-def _doubts(spans: list[SpeedSpan], scatter: float, file: StageFile, rotary: bool) -> list[Note]:
+def _doubts(spans: list[SpeedSpan], scatter: float, file: StageFile) -> list[Note]:
     notes = [
         Note(Topic.FORCE_CONSTANT, "the force constant is taken from the stage file: friction scales with it"),
         _offset_note(spans),
     ]
-    broken = [span for span in spans if rotary and not span.revolutions]
+    broken = [span for span in spans if file.axis.kind == ROTARY and not span.revolutions]
     if broken:
         text = (
             f"{len(broken)} of {len(spans)} spans ({', '.join(f'{span.speed:.3g}' for span in broken[:6])} rad/s) are "

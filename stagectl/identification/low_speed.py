@@ -29,7 +29,7 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.number_format import percent
-from stagectl.units import ROTARY
+from stagectl.units import unit_on
 
 
 class Stroke(NamedTuple):
@@ -150,15 +150,10 @@ def fitted(strokes: list[Stroke], encoder_step: float) -> OperatorFit:
     return OperatorFit(values[:-2][kept], slip[kept], offset, float(norm) / math.sqrt(len(force)))
 
 
-def table_force(fit: OperatorFit, displacement: Array) -> Array:
-    """``T(s)`` (n,) of the operators at displacements (n,) since a reversal."""
-    return np.asarray(np.clip(displacement[:, None] / fit.slip - 1.0, -1.0, 1.0) @ fit.weight, dtype=np.float64)
-
-
 def characteristic(fit: OperatorFit) -> Characteristic:
     """The operators with their table, a quarter further than the last bend."""
     displacement = np.linspace(0.0, 2.5 * float(fit.slip[-1]), thresholds.TABLE_POINTS)
-    return Characteristic(displacement, table_force(fit, displacement), fit.weight, fit.slip)
+    return Characteristic.over(displacement, fit.weight, fit.slip)
 
 
 def _check(strokes: list[Stroke], captures: list[Capture], file: StageFile) -> None:
@@ -174,7 +169,7 @@ def _check(strokes: list[Stroke], captures: list[Capture], file: StageFile) -> N
         )
     shortest = min(stroke.length for stroke in strokes)
     step, least = max(capture.encoder_step for capture in captures), thresholds.STROKE_STEPS
-    unit = "rad" if file.axis.kind == ROTARY else "m"
+    unit = unit_on(file.axis.kind, "rad | m")
     if not shortest > least * step:
         raise IdentificationError(
             f"a stroke of {shortest:.4g} {unit}; must be at least {least:g} encoder steps of {step:.4g}, to resolve "

@@ -62,6 +62,11 @@ class Characteristic(NamedTuple):
     weight: NDArray[np.float64]  # (j,) N m | N
     slip: NDArray[np.float64]  # (j,) rad | m
 
+    @classmethod
+    def over(cls, displacement: NDArray[np.float64], weight: NDArray[np.float64], slip: NDArray[np.float64]) -> Self:
+        """The table of operators (j,) at these displacements (m,) since a reversal."""
+        return cls(displacement, np.clip(displacement[:, None] / slip - 1.0, -1.0, 1.0) @ weight, weight, slip)
+
     @property
     def block(self) -> dict[str, Any]:
         """The friction block of a stage file with these operators."""

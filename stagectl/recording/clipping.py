@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
+from stagectl.recording.true_rows import stretches
 
 
 def clipped(current: Array) -> NDArray[np.intp]:
@@ -18,8 +19,7 @@ def clipped(current: Array) -> NDArray[np.intp]:
     ends = (float(current.max()), float(current.min()))
     sides = [end for end in ends if abs(end) >= constants.CLIPPED_SIDE * largest]
     top = np.any([np.abs(current - end) <= 1e-6 * largest for end in sides], axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))
-    runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= constants.CLIPPED_RUN]
+    runs = [(a, b) for a, b in stretches(top) if b - a >= constants.CLIPPED_RUN]
     rows = np.concatenate([np.arange(a, b) for a, b in runs]) if runs else np.zeros(0, dtype=np.intp)
     if len(rows) < constants.CLIPPED_SHARE * len(current):
         return np.zeros(0, dtype=np.intp)

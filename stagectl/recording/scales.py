@@ -192,15 +192,20 @@ def _block(nominal: dict[str, Any], name: str, place: Path) -> dict[str, Any]:
     return block
 
 
+def number_in(value: Any) -> float:
+    """The number that an entry of a YAML file is; NaN where it is none."""
+    try:
+        return math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        return math.nan
+
+
 def _positive(block: dict[str, Any], key: str, place: Path) -> float:
     """The number at `key`; 0 where it is absent or null."""
     value = block.get(key)
     if value is None:
         return 0.0
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        number = math.nan
+    number = number_in(value)
     if not 0.0 < number < math.inf:
         reason = f"{key} = {value!r}; must be a number in (0, inf) ({place})"
         raise RecordingError(reason, place, ProblemKind.RANGE, column=key)

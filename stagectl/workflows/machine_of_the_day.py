@@ -97,7 +97,6 @@ def scales_of(setup: Setup) -> Scales:
     return Scales(
         coulomb=stage.sliding(p.friction),
         viscous=p.mechanics.viscous,
-        inertia=p.mechanics.inertia,
         force_constant=p.motor.force_constant,
         length=3.0 * _length(p.friction),
         speed=0.5 * limits.speed,

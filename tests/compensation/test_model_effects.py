@@ -29,7 +29,7 @@ from stagectl.trajectories.profiles import SCurve
 
 # Sizes of the ball screw on these motions; a step of the friction falls into them.
 SCALES = Scales(
-    1.0, 0.14, 0.010, 0.72, 15e-6 / 12e-3 * 2 * math.pi, 30.0, 0.0, 5.2, 3.0, 2 * math.pi, 5e-4,
+    1.0, 0.14, 0.72, 15e-6 / 12e-3 * 2 * math.pi, 30.0, 0.0, 5.2, 3.0, 2 * math.pi, 5e-4,
     session=(0.0, 0.5, 1.0), rotates=True, orders={"encoder_interpolation": (1024.0,), "cogging": (4.0,)},
 )  # fmt: skip
 MOTIONS: dict[str, Sine | SCurve] = {

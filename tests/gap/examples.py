@@ -123,7 +123,6 @@ def found(verdict: str, **changes: object) -> DiagnosisResult:
         (ASYMMETRY, COGGING, WEAK),
         gap(2.9, 0.34),
         {
-            "tracking_error": gap(2.9, 0.34),
             "current": Gap(0.062, 0.0071, 0.004, "A", 0.99, 0.98, 0.995),
             "effort": Gap(0.045, 0.0051, 0.003, "N m", 0.99, 0.98, 0.995),
         },
@@ -154,7 +153,7 @@ def every() -> dict[str, DiagnosisResult]:
     """One of each verdict, and one of a log without a controller."""
     nothing = {"next_experiment": None, "unknown": None}
     return {
-        "none": found("none", effects=(WEAK,), gap=gap(0.23, 0.22), gaps={"tracking_error": gap(0.23, 0.22)},
+        "none": found("none", effects=(WEAK,), gap=gap(0.23, 0.22), gaps={},
                       shares=(("parameters", 0.0), ("not repeatable", 1.0)), traces=(trace("held.csv", 0.05, 0.04),),
                       captures=tuple(capture._replace(spans=()) for capture in CAPTURES), coordinates=(), **nothing),
         "parameters": found("parameters", effects=(VISCOUS,), next_experiment=None,
@@ -164,14 +163,14 @@ def every() -> dict[str, DiagnosisResult]:
         "effects+unknown": found("effects+unknown", effects=(PRESLIDING,), unknown=SHAPE,
                                  shares=(("parameters", 0.05), ("presliding", 0.55),
                                          ("repeatable but unexplained", 0.37), ("not repeatable", 0.03))),
-        "unknown": found("unknown", effects=(WEAK,), unknown=SHAPE, gap=gap(2.9, 2.4),
-                         gaps={"tracking_error": gap(2.9, 0.9)},
+        "unknown": found("unknown", effects=(WEAK,), unknown=SHAPE, gap=gap(2.9, 0.9), gaps={},
                          shares=(("parameters", 0.03), ("repeatable but unexplained", 0.95),
                                  ("not repeatable", 0.02))),
         "controller": found("controller", effects=(), gap=gap(40.0, 40.0), gaps={}, coordinates=(), shares=(),
                             traces=(), blocks={"controller": 1.0, "drive": None, "mechanics": None, "sensor": None},
                             captures=(), reason="The integral gain looks like 0.5 of the nominal one.", **nothing),
-        "not-identifiable": found("not-identifiable", effects=(COGGING,), captures=CAPTURES[:1],
+        "not-identifiable": found("not-identifiable", effects=(), gap=gap(math.nan, math.nan), gaps={}, captures=(),
+                                  shares=(), traces=(), coordinates=(), reason="Only one speed was run.", **nothing,
                                   cannot_tell=("Only one speed was run.",)),
         "foreign": found("effects", effects=(ASYMMETRY,), traces=(),
                          gap=Gap(12.0, 3.1, math.nan, "N", 0.93, 0.90, 0.95, None, 31.0), gaps={},

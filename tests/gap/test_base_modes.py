@@ -12,7 +12,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap.residuals.base_modes import modes
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath
-from stagectl.gap.residuals.sensitivities import TrackedModel, residuals, unit_tracker
+from stagectl.gap.residuals.sensitivities import model_of, residuals_of
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener
 from stagectl.kernels import stage
@@ -43,6 +43,6 @@ def test_a_ring_is_found_where_the_base_takes_up_the_force() -> None:
     counted = np.ones(len(path.rows[::KEPT]))
     counted[:100] = 0.0
     run = Run("multisine", (), (path,), path, counted, np.zeros(len(counted), dtype=np.int64))
-    model = TrackedModel(nominal, unit_tracker(nominal, SETUP.dt))
-    found = modes(model, [run], [residuals(model, run, FLAT)], FLAT)
+    model = model_of(nominal, SETUP.dt)
+    found = modes(model, [run], residuals_of(model, [run], FLAT), FLAT)
     assert found[0] == pytest.approx(BASE / math.sqrt(1.0 + RATIO), rel=0.025)

@@ -7,7 +7,7 @@ from stagectl.gap.effects.library import definitions
 from stagectl.gap.selection import candidates, established
 from stagectl.gap.selection.candidates import EffectValues
 
-SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
+SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
 
 
 def test_an_effect_left_out_is_not_found_under_a_wider_name() -> None:

@@ -18,7 +18,7 @@ from stagectl.gap.selection.evidence import Candidate, Conditioned, Prior, compa
 from stagectl.gap.selection.linearised import APART, Remains, simulated
 
 ROWS = 40
-SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
+SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
 TORQUE_PATH = Candidate("torque_path", 1, Prior((1,), np.zeros(1), np.full(1, 3.0)), 1.0)
 NONE = Conditioned(np.zeros((0, 0)), np.zeros(0), 0.0)
 

@@ -10,8 +10,7 @@ import pytest
 
 from stagectl.gap import diagnose
 from stagectl.gap.inference.conclusions import Conclusions
-from stagectl.gap.inference.signatures import DriveSignature
-from stagectl.gap.result.diagnosis import NOISE, UNORDERED, FoundEffect
+from stagectl.gap.result.diagnosis import NOISE, UNORDERED, FoundEffect, Value
 from stagectl.gap.steps import Step, StepTimer
 
 DWELL = FoundEffect("dwell", (), 0.9, 0.0, {})
@@ -78,9 +77,8 @@ def test_what_nothing_can_be_identified_from(logs: list[dict[str, Any]], token: 
 
 
 def test_effects_come_first_then_signatures_and_parameters() -> None:
-    jitter = FoundEffect("jitter", (), 0.98, 0.0, {})
-    signature = DriveSignature(jitter, "drive.jitter", 1e-4)
-    conclusions = Conclusions((DWELL,), (INERTIA,), (signature,), None, ())
+    jitter = FoundEffect("jitter", (), 0.98, 0.0, {"rms": Value(1e-4, 0.0, 0.0, "s")})
+    conclusions = Conclusions((DWELL,), (INERTIA,), (jitter,), None, ())
     assert conclusions.effects == [DWELL, jitter, INERTIA]
 
 

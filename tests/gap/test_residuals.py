@@ -18,7 +18,7 @@ from stagectl.gap.residuals import friction_family, least_squares, model_trackin
 from stagectl.gap.residuals.half_strokes import half_strokes, known_from, standstills
 from stagectl.gap.residuals.model_tracking import MeasuredPath as Measured
 from stagectl.gap.residuals.model_tracking import ModelResidual
-from stagectl.gap.residuals.sensitivities import TrackedModel, model_residual, unit_tracker
+from stagectl.gap.residuals.sensitivities import model_of, model_residual
 from stagectl.gap.residuals.thresholds import ROLL_OFF
 from stagectl.kernels import effects, stage, tracked_model
 from stagectl.kernels.fields import put
@@ -81,7 +81,7 @@ def test_a_model_is_tracked_whatever_its_inertia(factor: float) -> None:
     p = SETUP.stage._replace(friction=SETUP.stage.friction._replace(operators=slippery))
     p = p._replace(mechanics=p.mechanics._replace(viscous=0.0))
     other = p._replace(mechanics=p.mechanics._replace(inertia=factor * p.mechanics.inertia))
-    model = TrackedModel(other, unit_tracker(p, dt))
+    model = model_of(p, dt)._replace(stage=other)
     t = dt * np.arange(1000)
     position = 1.0 - np.cos(2.0 * math.pi * t)
     rows = np.column_stack([np.zeros_like(t), position, np.zeros_like(t)])
@@ -117,7 +117,7 @@ def test_friction_does_not_hold_a_model_where_the_machine_moves(dt: float) -> No
     ripple = 2.0 * np.sin(2.0 * math.pi * turned / 1.2e-3)
     command = (-0.09 * turned + 5.0 * stop + ripple) / p.motor.force_constant
     path = Measured(np.column_stack([command, joint(row * dt), np.full(len(row), np.nan)]), 0.0, dt)
-    left = model_residual(TrackedModel(p, unit_tracker(p, dt)), path).effort + ripple
+    left = model_residual(model_of(p, dt), path).effort + ripple
     assert np.std(left[len(row) // 4 :]) < 0.1 * np.std(ripple)
 
 

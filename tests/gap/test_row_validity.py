@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.gap.logs.row_validity import filled, row_validity, stretches
+from stagectl.gap.logs.row_validity import filled, row_validity
 from stagectl.gap.logs.session import Array
+from stagectl.recording.true_rows import stretches
 
 DT, ROWS = 1e-3, 1000
 

@@ -28,21 +28,19 @@ def test_there_is_an_example_of_every_verdict() -> None:
     ("verdict", "expected"),
     [
         ("effects", "82 % of the closable gap is viscous asymmetry (share 0.182), 9 % cogging or encoder eccentricity. "
-                    "Tracking gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm."),
+                    "Position gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm."),
         ("parameters", "No effect is missing, but parameters of the model are off: 91 % of the closable gap is viscous "
-                       "friction (0.168 N m s/rad). Tracking gap 2.9 -> 0.34 µm on held-out runs"
+                       "friction (0.168 N m s/rad). Position gap 2.9 -> 0.34 µm on held-out runs"
                        ", noise floor 0.21 µm."),
         ("effects+unknown", "55 % of the closable gap is presliding friction (length 14 µm). 37 % of the gap repeats "
                             "and is unexplained; it follows the position, which predicts 71 % of it on unused runs. "
-                            "Tracking gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm."),
+                            "Position gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm."),
         ("none", "The model agrees with the machine: these logs show no missing effect and no parameter error. "
-                 "Tracking gap 230 nm on held-out runs, noise floor 210 nm."),
+                 "Position gap 230 nm on held-out runs, noise floor 210 nm."),
         ("controller", "The controller that ran is not the one described, so no loop is simulated. The "
                        "integral gain looks like 0.5 of the nominal one. Correct its description, then diagnose "
                        "again."),
-        ("not-identifiable", "These logs do not identify the cause of the gap: cogging or encoder eccentricity. The "
-                             "experiment 'stairs both ways, 8 speeds' would identify it. Tracking gap 2.9 µm on "
-                             "held-out runs, noise floor 0.21 µm."),
+        ("not-identifiable", "These logs do not identify the cause of the gap. Only one speed was run."),
         ("foreign", "82 % of the closable gap is viscous asymmetry (share 0.182). Effort gap 12 -> 3.1 N (10 % of the "
                     "effort) on held-out runs, noise floor not known: no run was repeated."),
     ],

@@ -54,11 +54,11 @@ def solved(captures: list[Capture], setup: Setup) -> list[float]:
 
 
 def test_a_sound_recording_comes_as_it_is(columns: dict[str, Array], ball_screw: Setup) -> None:
-    (capture,) = prepared([recording(columns, steady=[1.0, 9.0])], ball_screw)
+    (capture,) = prepared([recording(columns)], ball_screw)
     np.testing.assert_array_equal(capture.position, columns["measured"])
     np.testing.assert_array_equal(capture.current, columns["measured_current"])
     assert capture.reference is not None and capture.excitation is None
-    assert (capture.current_column, capture.dt, capture.steady) == ("measured_current", pytest.approx(DT), (1.0, 9.0))
+    assert (capture.current_column, capture.dt) == ("measured_current", pytest.approx(DT))
     assert capture.notes == ()
     assert solved([capture], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
 
@@ -100,11 +100,10 @@ def test_a_part_that_stands_still_or_is_too_short_costs_only_itself(
     assert Topic.LEFT_OUT in topics(fit.notes)
 
 
-def test_windows_and_excitation_go_with_their_part(columns: dict[str, Array], ball_screw: Setup) -> None:
+def test_an_excitation_goes_with_their_part(columns: dict[str, Array], ball_screw: Setup) -> None:
     spans = [{"start": 1.0, "end": 4.0, "kind": "sine"}, {"start": 4.2, "end": 6.0}, {"start": 6.0, "end": 9.0}]
     left = {name: np.delete(values, slice(9000, 9400)) for name, values in columns.items()}
-    first, second = prepared([recording(left, steady=[1.0, 9.0], excitation=spans)], ball_screw)
-    assert first.steady == (1.0, pytest.approx(4.5)) and second.steady == (0.0, pytest.approx(4.3))
+    first, second = prepared([recording(left, excitation=spans)], ball_screw)
     assert first.meta["excitation"] == spans[:1]
     assert second.meta["excitation"] == [{"start": pytest.approx(1.3), "end": pytest.approx(4.3)}]
 

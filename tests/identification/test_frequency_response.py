@@ -162,7 +162,7 @@ def test_a_lag_left_in_lowers_the_damping() -> None:
 @pytest.mark.parametrize("delay", [-0.5e-3, 0.0, 1.3e-3])
 def test_fits_are_exact_on_their_own_model(delay: float) -> None:
     p = made(np.geomspace(0.5, 80.0, 30), delay)
-    fit = with_delay(p, "delay")
+    fit = with_delay(p)
     assert fit.values == pytest.approx([J, D], rel=1e-4)
     assert fit.delay == pytest.approx(delay, abs=1e-7)
     assert gain_curve(p).values == pytest.approx([J, D], rel=1e-6)

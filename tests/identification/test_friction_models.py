@@ -265,7 +265,7 @@ def emps() -> Capture:
     columns = {name: np.asarray(data[name].ravel(), dtype=np.float64) for name in ("qm", "vir", "qg")}
     meta = {"nominal": {"controller": {"kp": data["kp"].item(), "kv": data["kv"].item()}}}
     time = clock(len(columns["qm"]))
-    return Capture("EMPS", time, columns["qm"], columns["vir"], DT, "command", None, columns["qg"], 5e-8, None, meta)
+    return Capture("EMPS", time, columns["qm"], columns["vir"], DT, "command", None, columns["qg"], 5e-8, meta)
 
 
 def published(delay: int = 0, slip: float = 1e-6) -> stage.Stage:

@@ -11,8 +11,8 @@ import pytest
 
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
-from stagectl.identification.low_speed import OperatorFit, Stroke, _fast, fitted, full_strokes, identify, table_force
-from stagectl.identification.result import IdentificationResult, Topic, topics
+from stagectl.identification.low_speed import Stroke, _fast, fitted, full_strokes, identify
+from stagectl.identification.result import Characteristic, IdentificationResult, Topic, topics
 from stagectl.kernels import friction
 from tests.identification.virtual import MICRON, STAGE_A, Array, Machine, held
 
@@ -120,7 +120,7 @@ def test_its_own_model_is_solved() -> None:
     weight = np.zeros(28)
     weight[[3, 12, 20]] = 0.2, 0.5, 0.3
     s = np.linspace(0.0, 1.0, 4000)
-    force = table_force(OperatorFit(weight, slip, 0.0, 0.0), s)
+    force = Characteristic.over(s, weight, slip).force
     fit = fitted([Stroke(1.0, s, force + 0.1, 1.0), Stroke(-1.0, s, force - 0.1, 1.0)], 0.0)
     assert fit.offset == pytest.approx(0.1)
     assert fit.residual < 1e-9

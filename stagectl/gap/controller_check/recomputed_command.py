@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.gap.controller_check.thresholds import BEGINNING, CORNER, FORGOTTEN, LIMIT_ROUNDED, REFERENCE_NOISE, SHARP
-from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.kernels import law
 from stagectl.number_format import duration
 from stagectl.parallel import in_parallel
 from stagectl.recording.replay import recomputed
+from stagectl.recording.true_rows import stretches
 
 
 class Harmless(NamedTuple):

@@ -2,7 +2,7 @@
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
-from stagectl.gap.effects.stage_changes import added, delayed, harmonic, harmonic_parameters, put
+from stagectl.gap.effects.stage_changes import added, delayed, harmonic, harmonic_parameters, put, sized
 from stagectl.kernels.stage import Stage
 
 _PER_TURN, _PER_PERIOD = grids.ENCODER_ERRORS
@@ -93,9 +93,7 @@ PARAMETERS: dict[str, ParametersOf] = {
     "dead_time": _dead_time,
     "torque_path": _torque_path,
     "current_loop": _current_loop,
-    "current_gain": lambda _: Parameters(
-        (Amplitude("size", "", (0.02,), -0.2, 0.2),), (), added(size="drive.telemetry.gain")
-    ),
+    "current_gain": sized(Amplitude("size", "", (0.02,), -0.2, 0.2), "drive.telemetry.gain"),
     "current_offset": _offset,
     "current_saturation": _current_limit,
     "voltage_saturation": _voltage_limit,

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from stagectl.kernels.stage import Stage
+from stagectl.units import unit_on
 
 Values = Mapping[str, float]
 CONTROLLER, DRIVE, MECHANICS, SENSOR = "controller", "drive", "mechanics", "sensor"  # blocks of the signal chain
@@ -43,7 +44,6 @@ class Scales(NamedTuple):
 
     coulomb: float  # N m | N
     viscous: float  # N m s/rad | N s/m
-    inertia: float  # kg m^2 | kg
     force_constant: float  # N m/A | N/A
     length: float  # rad | m, of the rolling zone
     speed: float  # rad/s | m/s, largest in the logs
@@ -150,5 +150,4 @@ def definition(effect: Effect, scales: Scales) -> Definition | None:
 def units_of(effect: Definition, kind: str) -> dict[str, str]:
     """The unit of each parameter on an axis of this `kind`."""
     declared: list[Amplitude | Shape] = [*effect.amplitudes, *effect.shapes]
-    parts = {parameter.name: [unit.strip() for unit in parameter.unit.split("|")] for parameter in declared}
-    return {name: both[-1] if kind == "linear" else both[0] for name, both in parts.items()}
+    return {parameter.name: unit_on(kind, parameter.unit) for parameter in declared}

@@ -2,7 +2,7 @@
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
-from stagectl.gap.effects.stage_changes import added, decay, filled, harmonic_parameters, put
+from stagectl.gap.effects.stage_changes import filled, harmonic_parameters, put, sized, warming
 from stagectl.kernels.stage import Stage
 
 
@@ -18,15 +18,10 @@ def _with_stribeck(p: Stage, v: Values) -> Stage:
 
 
 def _lag(s: Scales) -> Parameters:
-    return Parameters(
-        (Amplitude("rise", "", (0.1,), 0.0, 3.0),),
-        (
-            Shape("velocity", "rad/s | m/s", tuple(s.speed * f for f in grids.STRIBECK_SPEEDS[1:4])),
-            Shape("shape", "", (1.0,)),
-            Shape("lag", "s", grids.FRICTION_LAGS),
-        ),
-        lambda p, v: put(_with_stribeck(p, v), "friction.lag", v["lag"]),
-    )
+    prompt = _stribeck(s)
+    velocity, shape = prompt.shapes
+    shapes = (velocity._replace(grid=velocity.grid[1:4]), shape, Shape("lag", "s", grids.FRICTION_LAGS))
+    return prompt._replace(shapes=shapes, apply=lambda p, v: put(_with_stribeck(p, v), "friction.lag", v["lag"]))
 
 
 def _dwell(s: Scales) -> Parameters:
@@ -71,15 +66,11 @@ def _stepped(p: Stage, v: Values) -> Stage:
 
 
 PARAMETERS: dict[str, ParametersOf] = {
-    "coulomb_asymmetry": lambda _: Parameters(
-        (Amplitude("size", "", (0.03,), -0.9, 0.9),), (), added(size="friction.asymmetry")
-    ),
+    "coulomb_asymmetry": sized(Amplitude("size", "", (0.03,), -0.9, 0.9), "friction.asymmetry"),
     "stribeck": _stribeck,
     "friction_lag": _lag,
     "dwell": _dwell,
-    "load_friction": lambda _: Parameters(
-        (Amplitude("share", "", (0.03,), 0.0, 0.5),), (), added(share="friction.load")
-    ),
+    "load_friction": sized(Amplitude("share", "", (0.03,), 0.0, 0.5), "friction.load"),
     "position_friction": _position,
     "lead_friction": lambda s: harmonic_parameters(
         "friction.lead", "", 0.03, (1.0, *s.orders.get("lead_friction", ())), 0.7
@@ -87,11 +78,6 @@ PARAMETERS: dict[str, ParametersOf] = {
     "ball_pass_ripple": lambda s: harmonic_parameters(
         "friction.ball_pass", "", 0.03, s.orders.get("ball_pass_ripple", ()), 0.7
     ),
-    "thermal_coulomb": lambda _: Parameters(
-        (Amplitude("rise", "", (0.1,), -0.9, 5.0),),
-        (Shape("time", "s", grids.WARMING_TIMES),),
-        filled("friction.warming", rise="rise", time="time"),
-        TimeVariation({"rise": "coulomb"}, decay),
-    ),
+    "thermal_coulomb": warming("friction.warming", "coulomb", 0.1),
     "friction_step": _step,
 }

@@ -85,11 +85,6 @@ def look_alikes(name: str, data: Data) -> tuple[str, ...]:
     return tuple(other for other, where in EFFECTS[name].look_alikes.items() if where & data)
 
 
-def generalisations(name: str) -> tuple[str, ...]:
-    """Effects that hold `name` as a special case, and so explain all that it does."""
-    return EFFECTS[name].generalisations
-
-
 def excited_by(experiment: str) -> tuple[str, ...]:
     """Effects that an experiment of this name, or of this family, excites."""
     return tuple(effect.name for effect in EFFECTS.values() if experiment in effect.experiments)

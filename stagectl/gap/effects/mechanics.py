@@ -3,18 +3,18 @@
 import math
 
 from stagectl.gap.effects import grids
-from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
+from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
 from stagectl.gap.effects.stage_changes import (
     Change,
-    added,
     coulomb,
-    decay,
     filled,
     harmonic,
     harmonic_parameters,
     put,
     scaled,
+    sized,
     stretched,
+    warming,
 )
 from stagectl.kernels.plant import SpeedPower
 from stagectl.kernels.stage import Stage
@@ -141,23 +141,14 @@ PARAMETERS: dict[str, ParametersOf] = {
     "coulomb": _share(coulomb),
     "presliding": _share(stretched),
     "force_constant": _share(scaled("motor.force_constant")),
-    "bias": lambda s: Parameters(
-        (Amplitude("effort", "N m | N", (0.1 * s.coulomb,)),), (), added(effort="mechanics.bias")
-    ),
+    "bias": lambda s: sized(Amplitude("effort", _EFFORT, (0.1 * s.coulomb,)), "mechanics.bias")(s),
     "cogging": lambda s: harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, s.orders.get("cogging", ())),
     "cogging_map": _cogging_map,
     "gravity": _gravity,
     "current_ripple": lambda s: harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ()), 0.2),
     "viscous_nonlinear": _viscous_nonlinear,
-    "viscous_asymmetry": lambda _: Parameters(
-        (Amplitude("size", "", (0.1,), -0.9, 0.9),), (), added(size="mechanics.viscous_asymmetry")
-    ),
-    "thermal_viscous": lambda _: Parameters(
-        (Amplitude("rise", "", (0.2,), -0.9, 5.0),),
-        (Shape("time", "s", grids.WARMING_TIMES),),
-        filled("mechanics.viscous_warming", rise="rise", time="time"),
-        TimeVariation({"rise": "viscous"}, decay),
-    ),
+    "viscous_asymmetry": sized(Amplitude("size", "", (0.1,), -0.9, 0.9), "mechanics.viscous_asymmetry"),
+    "thermal_viscous": warming("mechanics.viscous_warming", "viscous", 0.2),
     "cable_spring": _cable_spring,
     "cable_hysteresis": _cable_hysteresis,
     "backlash": _backlash,

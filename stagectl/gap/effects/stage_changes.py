@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from stagectl.gap.effects.effect import Amplitude, Parameters, Shape, Values
+from stagectl.gap.effects import grids
+from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Shape, TimeVariation, Values
 from stagectl.kernels import stage
 from stagectl.kernels.fields import get as get
 from stagectl.kernels.fields import put as put
@@ -29,6 +30,11 @@ def added(**places: str) -> Change:
         return p
 
     return apply
+
+
+def sized(amplitude: Amplitude, place: str) -> ParametersOf:
+    """An effect that adds its only `amplitude` to a field, on every machine."""
+    return lambda _: Parameters((amplitude,), (), added(**{amplitude.name: place}))
 
 
 def filled(place: str, **names: str) -> Change:
@@ -54,6 +60,16 @@ def harmonic_parameters(
     return Parameters(pair, (Shape("order", "", orders, False),), harmonic(place))
 
 
+def warming(place: str, parameter: str, size: float) -> ParametersOf:
+    """The rise, typically by the share `size`, of a `parameter` of a cold machine, in the block at `place`."""
+    return lambda _: Parameters(
+        (Amplitude("rise", "", (size,), -0.9, 5.0),),
+        (Shape("time", "s", grids.WARMING_TIMES),),
+        filled(place, rise="rise", time="time"),
+        TimeVariation({"rise": parameter}, _decay),
+    )
+
+
 def coulomb(p: Stage, v: Values) -> Stage:
     """All friction but the viscous part, multiplied by 1 + size."""
     return p._replace(friction=stage.scaled_friction(p.friction, 1.0 + v["size"]))
@@ -64,7 +80,7 @@ def stretched(p: Stage, v: Values) -> Stage:
     return p._replace(friction=stage.stretched_friction(p.friction, 1.0 + v["size"]))
 
 
-def decay(v: Values, t: Any) -> Any:
+def _decay(v: Values, t: Any) -> Any:
     """``exp(-t / time)`` at the session clock `t` (n,) s: 1 on a cold machine, 0 on a warm one."""
     return np.exp(-t / v["time"])
 

@@ -71,7 +71,7 @@ def _weighted(group: NDArray[np.int64], coulomb: float) -> Callable[[Stage, floa
     def moved(m: Stage, a: float) -> Stage:
         changed = m.friction.operators.weight.copy()
         changed[group] = np.maximum(changed[group] + a * coulomb / len(group), 0.0)
-        return m._replace(friction=m.friction._replace(operators=m.friction.operators._replace(weight=changed)))
+        return stage_changes.put(m, "friction.operators.weight", changed)
 
     return moved
 

@@ -7,7 +7,6 @@ is measured; else those of the parameters or of the unexplained, of the larger.
 
 from collections.abc import Sequence
 
-from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.effects.effect import CONTROLLER, DRIVE, MECHANICS
 from stagectl.gap.result.diagnosis import BLOCKS, NAMED, PARAMETERS, UNEXPLAINED, Coordinate, FoundEffect, Part
 from stagectl.gap.selection import refine
@@ -60,11 +59,12 @@ def _of_parameters(off: Sequence[FoundEffect], taken: float) -> list[Part]:
     ]
 
 
-def blocks(parts: Sequence[Part], parity: CommandCheck, measured: bool) -> dict[str, float | None]:
-    """Share of each of `BLOCKS` in the causes that are known best; None where the block's cut was impossible."""
-    if not parity.agrees:
-        return {name: float(name == CONTROLLER) for name in BLOCKS}
-    impossible = {CONTROLLER: not parity.checked, DRIVE: not measured}
+def blocks(parts: Sequence[Part], checked: bool, measured: bool) -> dict[str, float | None]:
+    """Share of each of `BLOCKS` in the causes that are known best; None where the block's cut was impossible.
+
+    That of the controller needs a command that could be `checked`, that of the drive a current that was `measured`.
+    """
+    impossible = {CONTROLLER: not checked, DRIVE: not measured}
     causes = causes_of(parts)
     whole = sum(part.share for part in causes)
     shares = dict.fromkeys(BLOCKS, 0.0)

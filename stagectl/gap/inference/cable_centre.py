@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.kernels.fields import put
 
 SPRING, BIAS = "cable_spring", "bias"
 
@@ -24,12 +25,12 @@ def centred(e: Evidence, now: Fitted) -> Fitted:
         return now
     if bias_odds(moved, reach(now), e.base.prior.width(BIAS)) > 1.0:
         moved = 0.0
-    stiffness, mechanics = spring.values["stiffness"], now.model.stage.mechanics
-    stage = now.model.stage._replace(mechanics=mechanics._replace(bias=mechanics.bias - moved))
+    stiffness = spring.values["stiffness"]
     centre = spring.values["centre"] + moved / stiffness
     placed = EffectValues(spring.effect, {"stiffness": stiffness, "centre": centre})  # in the order of texts
     effects = tuple(placed if valued is spring else valued for valued in now.effects)
-    return now._replace(model=now.model._replace(stage=stage), effects=effects)
+    bias = now.model.stage.mechanics.bias - moved
+    return now._replace(model=put(now.model, "stage.mechanics.bias", bias), effects=effects)
 
 
 def bias_odds(moved: float, reach: float, width: float) -> float:

@@ -5,18 +5,16 @@ Held-out runs have no part in it; `validation` judges it afterwards.
 
 from typing import NamedTuple
 
-import numpy as np
-
-from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.inference import attribution, parameter_errors, shifted_parameters, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.beside_unknown import beside_unknown
 from stagectl.gap.inference.coordinates import coordinates
 from stagectl.gap.inference.shape_fits import with_shape
-from stagectl.gap.inference.signatures import DriveSignature, signatures
+from stagectl.gap.inference.signatures import signatures
 from stagectl.gap.inference.value_errors import errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import NAMED, Coordinate, FoundEffect, Part, Spans, UnknownTerm
+from stagectl.gap.selection.baseline_fit import is_measured
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence
@@ -28,7 +26,7 @@ class Conclusions(NamedTuple):
 
     named: tuple[FoundEffect, ...]
     shifts: tuple[FoundEffect, ...]
-    signatures: tuple[DriveSignature, ...]
+    signatures: tuple[FoundEffect, ...]  # of the drive
     unknown: UnknownTerm | None
     models: tuple[Stage, ...]  # fitted models, the one that holds most of this first
 
@@ -58,7 +56,7 @@ def conclude(
     richest = with_shape(e, sure.fitted, shape) if shape is not None and shape.fields else now
     explained = [effect.name for effect in effects if effect.probability >= NAMED]
     seen = signatures(session, e, richest, (*excluded, *explained))
-    once = {*excluded, *(signature.effect.name for signature in seen)}  # what is both fitted and seen counts once
+    once = {*excluded, *(signature.name for signature in seen)}  # what is both fitted and seen counts once
     return Conclusions(
         tuple(effect for effect in effects if effect.name not in once),
         tuple(shift for shift in shifted_parameters.shifted(session, shifts, now) if shift.name not in excluded),
@@ -83,16 +81,15 @@ def localise(
     selected: Selection,
     conclusions: Conclusions,
     functions: BasisColumns,
-    parity: CommandCheck,
+    checked: bool,
 ) -> Localisation:
-    """In which block of the loop, over which coordinate, and when in each log."""
+    """In which block of the loop, over which coordinate, and when in each log; `checked`: its command was."""
     now = selected.fitted
     off = [shift for shift in conclusions.shifts if shift.probability >= NAMED]
     acting = time_localisation.contributors(session, e, now, off, conclusions.signatures)
     parts = attribution.parts_of(e, selected, conclusions.effects)
-    measured = bool(np.isfinite(e.runs[0].mean.rows[:, 2]).all())
     return Localisation(
-        attribution.blocks(parts, parity, measured),
+        attribution.blocks(parts, checked, is_measured(e.runs)),
         parts,
         attribution.with_coordinates(parts, coordinates(e, functions)),
         tuple(time_localisation.spans(e, now, e.runs, acting)),

@@ -87,7 +87,7 @@ def _fixed(e: Evidence) -> Evidence:
 
 def _with_nominal_bias(e: Evidence, now: Fitted) -> Fitted:
     moved = refine.moved(e, now.model, {BIAS: -e.base.prior.moved(now.model, BIAS)})
-    return Fitted(moved, now.effects, refine.residuals(e, moved, now.effects), np.nan)
+    return refine.at_values(e, moved, now.effects)
 
 
 def _total(at: Linearised) -> float:

@@ -58,25 +58,20 @@ def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: boo
     """Both cuts by themselves: one function of effort and one of current."""
     gain = closable = 0.0
     for cut, part in enumerate((g.effort, g.current)):
-        before, after = predicted_squares(partialled_out(folds(g, part), g.places(refine.moving(e))), g.places(names))
-        gain += max(before - after, 0.0)
-        closable += max(before - float(floor[cut]), 0.0)
+        free = partialled_out(folds(g, part), g.places(refine.moving(e)))
+        (before,), (after,), _ = predicted_of(free, g.places(names), [-1])
+        gain += max(float(before - after), 0.0)
+        closable += max(float(before - floor[cut]), 0.0)
     # Differences between repeats count as floor, unless a drift predicts them.
     closable += gain if aging else 0.0
     return min(gain / closable, 1.0) if closable > 0.0 else 0.0
 
 
-def predicted_squares(free: Array, columns: Sequence[int]) -> tuple[float, float]:
-    """Sums of squares on the fold that was not fitted, both ways: without the `columns`, and with them.
-
-    The folds `free` (2, p + 1, p + 1) are free of what the nuisances can take.
-    """
-    before, after, _ = predicted_of(free, columns, [-1])
-    return float(before[0]), float(after[0])
-
-
 def predicted_of(free: Array, columns: Sequence[int], residuals: Sequence[int]) -> tuple[Array, Array, Array]:
-    """`predicted_squares` (r,) of each of the columns `residuals` in the place of the residual, with the best ridge.
+    """Sums of squares (r,) on the fold that was not fitted, both ways: without the `columns`, and with them; the ridge.
+
+    They are those of each of the columns `residuals`; the residual itself is the last one.  The folds `free`
+    (2, p + 1, p + 1) are free of what the nuisances can take.
 
     The residual is no white noise but an error of form as well, and nobody knows its size beforehand: a function takes
     the ridge (r,) out of `thresholds.RIDGES` by which one fold predicts most of the other.

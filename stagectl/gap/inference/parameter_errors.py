@@ -24,6 +24,8 @@ from stagectl.gap.selection import baseline_fit, constants, linearised, refine
 from stagectl.gap.selection.linearised import Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
+from stagectl.kernels.fields import put
+from stagectl.units import unit_on
 
 UNITS = {
     "inertia": "kg m^2 | kg",
@@ -127,7 +129,7 @@ def undone(session: Session, e: Evidence, now: Fitted, name: str) -> TrackedMode
     """The fitted model with one parameter, named as a shift is, back at its nominal value."""
     whole = now.equipped
     if name == "presliding":
-        return whole._replace(stage=whole.stage._replace(friction=session.stage.friction))
+        return put(whole, "stage.friction", session.stage.friction)
     if name == "force_constant":
         return whole._replace(stage=session.stage)
     return refine.moved(e, whole, _moves(session, e, now)[name])
@@ -160,18 +162,13 @@ def _materials(
     return found
 
 
-def _unit(name: str, kind: str) -> str:
-    rotary, *linear = UNITS[name].split(" | ")
-    return linear[0] if linear and kind == "linear" else rotary
-
-
 def _shift(name: str, views: Sequence[Estimate], share: float, kind: str, alike: tuple[str, ...] = ()) -> Shift:
     """The shift of the first of `views`, as sure as the least sure of them."""
     p, sure = views[0], min(_probability(name, view) for view in views)
     error = max(float(np.hypot(view.deviation, view.value - p.value)) for view in views)
     change, spread, half = (p.value - p.nominal) / p.scale, error / p.scale, NORMAL * error
     lowest, larger = 0.0 if name in POSITIVE else -np.inf, max(view.larger for view in views)
-    value = Value(p.value, max(p.value - half, lowest), p.value + half + larger, _unit(name, kind))
+    value = Value(p.value, max(p.value - half, lowest), p.value + half + larger, unit_on(kind, UNITS[name]))
     return Shift(name, change, spread, share, value, sure, alike, p.nominal == 0.0, p.scale)
 
 
@@ -208,7 +205,7 @@ def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Erro
     if min(sizes) <= thresholds.FRICTIONLESS * max(sizes):
         return
     zone = stage.scaled_friction(nominal, sizes[1] / sizes[0])
-    other = refine.residuals(e, now.model._replace(stage=now.model.stage._replace(friction=zone)), now.effects)
+    other = refine.residuals(e, put(now.model, "stage.friction", zone), now.effects)
     without, present = (_beside_friction(e, residuals) for residuals in (other, now.residuals))
     odds = 0.5 * (linearised.gain_of_strokes(without, present) - np.log(len(present.strokes)))
     views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
@@ -262,7 +259,7 @@ def common(known: Sequence[Shift]) -> Shift | None:
         return None
     scale = float(np.exp(-logs[0]))  # the inertia is known best
     width = NORMAL * max(three[0].deviation, thresholds.COMMON_ERROR)
-    value = Value(scale - 1.0, scale - 1.0 - width, scale - 1.0 + width, "")
+    value = Value.around(scale - 1.0, width, "")
     return Shift(
         "force_constant",
         scale - 1.0,

@@ -27,6 +27,7 @@ from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
+from stagectl.kernels.fields import put
 
 SINGLE = ((EVEN,), (ODD,), (EVEN, ODD))  # parts of a function of one coordinate and the direction
 WITH_ACCELERATION = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # tried where no single coordinate is enough
@@ -123,15 +124,14 @@ def squares(e: Evidence, residuals: Sequence[list[Array]]) -> float:
     return float(sum(np.sum((run.weight * residual[:, 0]) ** 2) for run, repeats in pairs for residual in repeats))
 
 
-# Coordinate of a shape: that of the stage model's table, and the parts that it can hold.
+# The parts of a function that the stage model's table can hold, by coordinate; an odd one over both directions.
 TABLES = {
-    "speed": ("velocity", (EVEN, ODD)),
-    "displacement_since_reversal": ("displacement_since_reversal", (EVEN, ODD)),
-    "position": ("position", (EVEN,)),
-    "position_mod_pitch": ("position_mod_pitch", (EVEN,)),
-    "current": ("current", (EVEN,)),
+    "speed": (EVEN, ODD),
+    "displacement_since_reversal": (EVEN, ODD),
+    "position": (EVEN,),
+    "position_mod_pitch": (EVEN,),
+    "current": (EVEN,),
 }
-SIGNED = ("speed", "displacement_since_reversal")  # coordinates whose table goes over both directions
 
 
 def best_of(fits: list[ShapeFit]) -> ShapeFit:
@@ -146,7 +146,7 @@ def best_of(fits: list[ShapeFit]) -> ShapeFit:
 
 
 def _tabled(fit: ShapeFit) -> bool:
-    return fit.basis.coordinate in TABLES and set(fit.parts) <= set(TABLES[fit.basis.coordinate][1])
+    return set(fit.parts) <= set(TABLES.get(fit.basis.coordinate, ()))
 
 
 def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> UnknownTerm:
@@ -161,7 +161,7 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unk
     by_part = dict(zip(fit.parts, np.split(amplitudes, len(fit.parts)), strict=True))
     grid, force = _force(fit.basis, by_part)
     shape = UnknownTerm(fit.basis.coordinate, grid, force, min(fit.share, 1.0))
-    return shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
+    return shape._replace(fields=tuple(table_fields(as_table(shape)))) if _tabled(fit) else shape
 
 
 def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array, Array]:
@@ -169,7 +169,7 @@ def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array,
 
     Over any other coordinate, it is the force of the direction in which there is more of it.
     """
-    signed = basis.coordinate in SIGNED and ODD in amplitudes
+    signed = ODD in amplitudes and ODD in TABLES.get(basis.coordinate, ())
     grid = np.linspace(-basis.high if signed else basis.low, basis.high, TABLE_ROWS)
     values = basis.basis(np.abs(grid) if signed else grid)
     none = np.zeros(len(values))
@@ -184,22 +184,15 @@ def with_shape(e: Evidence, now: Fitted, shape: UnknownTerm) -> Fitted:
 
     Without that refit the gap may widen: the base has bent towards the unknown, and must bend back.
     """
-    stage = now.model.stage._replace(residual=as_table(shape))
-    return refine.refine(e, now.model._replace(stage=stage), now.effects)
+    return refine.refine(e, put(now.model, "stage.residual", as_table(shape)), now.effects)
 
 
 def as_table(shape: UnknownTerm) -> effects.Table:
-    """`shape` as the stage model's data-based term; neutral where no coordinate of the model can hold it.
+    """`shape` as the stage model's data-based term, over one of its coordinates.
 
     The table opposes the motor, so it is the missing force with its sign turned.
     """
-    return _table(shape) if shape.fields else effects.NO_TABLE
-
-
-def _table(shape: UnknownTerm) -> effects.Table:
-    name = TABLES[shape.coordinate][0]
-    if name == "velocity" and shape.grid[0] >= 0.0:
-        name = "speed"
-    code = effects.COORDINATES.index(name)
+    both_ways = shape.coordinate == "speed" and shape.grid[0] < 0.0
+    code = effects.COORDINATES.index("velocity" if both_ways else shape.coordinate)
     start, step = float(shape.grid[0]), float(shape.grid[1] - shape.grid[0])
     return effects.Table(code, start, step, jit.table((-shape.force).tolist()))

@@ -6,15 +6,16 @@ of the current that the model lacks is seen in the logs, too: the current stays 
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.inference import thresholds
-from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.logs.thresholds import KNOWN_LIMIT, PLATEAU
 from stagectl.gap.residuals import sensitivities
@@ -23,21 +24,11 @@ from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import FoundEffect, Value
+from stagectl.gap.selection.baseline_fit import is_measured
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.stage import Drive, Stage
 from stagectl.parallel import in_parallel
-
-
-class DriveSignature(NamedTuple):
-    """An effect of the drive, and what it changes in the model."""
-
-    effect: FoundEffect
-    place: str  # field of the stage
-    value: float
-
-    def put_in(self, p: Stage) -> Stage:
-        """`p` with this effect."""
-        return put(p, self.place, self.value)
+from stagectl.recording.true_rows import stretches
 
 
 class MissingCurrent(NamedTuple):
@@ -48,25 +39,30 @@ class MissingCurrent(NamedTuple):
     answer: Array  # A/s, of the model's current to a longer dead time
 
 
-def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> list[DriveSignature]:
+def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> list[FoundEffect]:
     """The drive's effects on single commands; none where no current is measured along with the command."""
     candidates = [_saturated(session)]
-    if np.isfinite(e.runs[0].mean.rows[:, 2]).all() and all(log.exact for run in e.runs for log in run.logs):
+    if is_measured(e.runs) and all(log.exact for run in e.runs for log in run.logs):
         runs = missing_currents(now.equipped, e)
         logs = [log for run in runs for log in run]
         candidates += [quantised(session.stage.drive, logs), jittered(runs)]
-    return [signature for signature in candidates if signature and signature.effect.name not in excluded]
+    return [signature for signature in candidates if signature and signature.name not in excluded]
 
 
-def _saturated(session: Session) -> DriveSignature | None:
+def put_in(p: Stage, found: Sequence[FoundEffect]) -> Stage:
+    """`p` with these signatures."""
+    for place, value in (field for signature in found for field in signature.fields):
+        p = put(p, place, value)
+    return p
+
+
+def _saturated(session: Session) -> FoundEffect | None:
     """A limit at which the current stays under larger commands."""
     found = plateau(session)
     if found is None:
         return None
     value = Value(found.current, found.current, found.current + found.spread, "A")
-    signature = _signature("current_saturation", "current_limit", value)
-    alternatives = ("torque_path",) if found.gain else ()
-    return signature._replace(effect=signature.effect._replace(alternatives=alternatives))
+    return _signature("current_saturation", "current_limit", value, ("torque_path",) if found.gain else ())
 
 
 def missing_currents(p: TrackedModel, e: Evidence) -> list[list[MissingCurrent]]:
@@ -88,7 +84,7 @@ def _along(p: TrackedModel, later: TrackedModel, path: MeasuredPath, keep: NDArr
     )
 
 
-def quantised(drive: Drive, logs: list[MissingCurrent]) -> DriveSignature | None:
+def quantised(drive: Drive, logs: list[MissingCurrent]) -> FoundEffect | None:
     """Steps of the command, by the spectrum of the missing current over the command; not those of the modelled `drive`.
 
     Its delay in samples and up to two more are tried.  The first harmonic of a saw tooth is ``step / pi``.  One
@@ -102,20 +98,21 @@ def quantised(drive: Drive, logs: list[MissingCurrent]) -> DriveSignature | None
     _, step, width = max(lines, key=lambda line: line[0])
     if abs(step - drive.current_quantum) <= width:
         return None
-    return _signature("current_quantisation", "step", Value(step, step - width, step + width, "A"))
+    return _signature("current_quantisation", "step", Value.around(step, width, "A"))
 
 
-def _signature(name: str, parameter: str, value: Value) -> DriveSignature:
-    place, coordinate = {
-        "current_quantisation": ("drive.current_quantum", "current"),
-        "jitter": ("drive.jitter", "frequency"),
-        "current_saturation": ("drive.current_limit", "current"),
-    }[name]
-    effect = FoundEffect(
-        name, (), thresholds.SIGNATURE_PROBABILITY, 0.0, {parameter: value}, "drive", ((place, value.value),),
-        coordinate=coordinate,
-    )  # fmt: skip
-    return DriveSignature(effect, place, value.value)
+def _signature(name: str, parameter: str, value: Value, alternatives: tuple[str, ...] = ()) -> FoundEffect:
+    known = EFFECTS[name]
+    return FoundEffect(
+        name,
+        alternatives,
+        thresholds.SIGNATURE_PROBABILITY,
+        0.0,
+        {parameter: value},
+        known.block,
+        ((known.places[-1], value.value),),
+        coordinate=known.coordinate,
+    )
 
 
 def _line(logs: list[MissingCurrent], shift: int) -> tuple[float, float, float] | None:
@@ -152,7 +149,7 @@ def _stands_out(power: Array, best: int) -> bool:
     return not power[best] < thresholds.LINE_POWER * max(1.0, neighbours)
 
 
-def jittered(runs: list[list[MissingCurrent]]) -> DriveSignature | None:
+def jittered(runs: list[list[MissingCurrent]]) -> FoundEffect | None:
     """A random part of the delay: differences between repeats grow with the current's answer to a delay.
 
     ``var = noise^2 + jitter^2 answer^2``, the answer in A/s, least squares over all rows.  None without repeats: an
@@ -176,7 +173,7 @@ def jittered(runs: list[list[MissingCurrent]]) -> DriveSignature | None:
     ):
         return None
     size, width = math.sqrt(slope), 0.5 * deviation / math.sqrt(slope)
-    return _signature("jitter", "rms", Value(size, size - NORMAL * width, size + NORMAL * width, "s"))
+    return _signature("jitter", "rms", Value.around(size, NORMAL * width, "s"))
 
 
 def _deviations(run: list[MissingCurrent]) -> list[Array]:

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.inference import parameter_errors, thresholds
-from stagectl.gap.inference.signatures import DriveSignature
+from stagectl.gap.inference import parameter_errors, signatures, thresholds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -18,7 +17,9 @@ from stagectl.gap.result.diagnosis import FoundEffect, Spans
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import plant_with_effects
+from stagectl.kernels.fields import put
 from stagectl.parallel import in_parallel
+from stagectl.recording import true_rows
 
 Flags = NDArray[np.bool_]
 
@@ -33,10 +34,10 @@ class Contributor(NamedTuple):
 
 
 def contributors(
-    session: Session, e: Evidence, now: Fitted, named: Sequence[FoundEffect], signatures: Sequence[DriveSignature]
+    session: Session, e: Evidence, now: Fitted, named: Sequence[FoundEffect], seen: Sequence[FoundEffect]
 ) -> list[Contributor]:
     """Everything in the diagnosis that acts at certain times: the effects, or else the parameters that are off."""
-    effects = [*_effects(now), *_of_drive(now, signatures)]
+    effects = [*_effects(now), *_of_drive(now, seen)]
     if effects:
         return effects
     return [
@@ -60,17 +61,14 @@ def _effects(now: Fitted) -> list[Contributor]:
     ]
 
 
-def _of_drive(now: Fitted, signatures: Sequence[DriveSignature]) -> list[Contributor]:
+def _of_drive(now: Fitted, seen: Sequence[FoundEffect]) -> list[Contributor]:
     """The drive's signatures together; a jitter acts where a dead time of its size would."""
-    if not signatures:
+    if not seen:
         return []
-    plain = stage = now.equipped.stage
-    for signature in signatures:
-        stage = signature.put_in(stage)
-    drive = plain.drive._replace(
-        current_quantum=stage.drive.current_quantum, dead_time=plain.drive.dead_time + stage.drive.jitter
-    )
-    return [Contributor(now.equipped._replace(stage=plain._replace(drive=drive)), now.equipped, "drive")]
+    plain = now.equipped
+    drive = signatures.put_in(plain.stage, seen).drive
+    late = put(plain, "stage.drive.dead_time", plain.stage.drive.dead_time + drive.jitter)
+    return [Contributor(put(late, "stage.drive.current_quantum", drive.current_quantum), plain, "drive")]
 
 
 def spans(e: Evidence, now: Fitted, runs: Sequence[Run], parts: Sequence[Contributor]) -> list[Spans]:
@@ -163,9 +161,8 @@ def _smoothed(signal: Array, run: Run) -> Array:
 
 def stretches(flags: Flags, dt: float) -> tuple[tuple[float, float], ...]:
     """Spans (s) in which `flags` (n,) hold; short closures are bridged, short openings dropped."""
-    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
     joined: list[tuple[float, float]] = []
-    for begin, end in zip((edges[::2] * dt).tolist(), (edges[1::2] * dt).tolist(), strict=True):
+    for begin, end in ((first * dt, beyond * dt) for first, beyond in true_rows.stretches(flags)):
         if joined and begin - joined[-1][1] < thresholds.BRIDGED:
             joined[-1] = (joined[-1][0], end)
         else:

@@ -6,7 +6,6 @@ from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Data, units_of
 from stagectl.gap.inference import amplitudes, cable_centre, thresholds
 from stagectl.gap.inference.patch_fields import fields_of
-from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
@@ -54,16 +53,16 @@ def taken_out(e: Evidence, selected: Selection, name: str) -> Selection:
     return selected._replace(fitted=refitted_without(e, selected.fitted, {name}))
 
 
-def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[DriveSignature]) -> list[FoundEffect]:
+def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[FoundEffect]) -> list[FoundEffect]:
     """Effects and the drive's signatures; the mean of a jittering delay is no delay of its own."""
-    jitter = next((signature.value for signature in signatures if signature.effect.name == "jitter"), 0.0)
+    jitter = next((found.parameters["rms"].value for found in signatures if found.name == "jitter"), 0.0)
     kept = [
         effect
         for effect in effects
         if effect.name not in DELAYS
         or effect.parameters[DELAYS[effect.name]].value > thresholds.DELAY_PER_JITTER * jitter
     ]
-    return [*kept, *(signature.effect for signature in signatures)]
+    return [*kept, *signatures]
 
 
 def _effect(
@@ -97,7 +96,7 @@ def _alternatives(name: str, selected: Selection) -> tuple[str, ...]:
     present = {fitted.effect.name for fitted in selected.fitted.effects}
     comparable = [other for other in selected.alternatives[name] if other in selected.rivals[name]]
     alike = [*comparable, *library.look_alikes(name, Data.ONE_SPEED)]
-    barred = {*library.generalisations(name), *present}
+    barred = {*library.EFFECTS[name].generalisations, *present}
     return tuple(dict.fromkeys([*exact, *(other for other in alike if other not in barred)]))
 
 

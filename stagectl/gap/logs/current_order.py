@@ -8,10 +8,8 @@ from stagectl.gap.logs.thresholds import CURRENT_LEADS, MOST_LEAD, STEADY, STEAD
 from stagectl.number_format import duration
 
 
-def order_doubts(command: Array | None, current: Array | None, dt: float) -> list[str]:
+def order_doubts(command: Array, current: Array, dt: float) -> list[str]:
     """What to say where the measured current (n,) A of a log leads its command by a control period `dt` (s) or more."""
-    if command is None or current is None:
-        return []
     lead = periods_ahead(command, current)
     if not lead:
         return []
@@ -21,12 +19,12 @@ def order_doubts(command: Array | None, current: Array | None, dt: float) -> lis
     ]
 
 
-def drive_doubts(command: Array | None, current: Array | None, dt: float) -> list[str]:
+def drive_doubts(command: Array, current: Array, dt: float) -> list[str]:
     """What to say where the current (n,) A of a log with rows every `dt` (s) stays away from a command that is steady.
 
     No delay of the drive does that, however many commands lie between two rows.
     """
-    if command is None or current is None or len(command) <= STEADY_ROWS:
+    if len(command) <= STEADY_ROWS:
         return []
     largest = max(float(np.nanmax(np.abs(command))), 1e-300)
     steady = np.ptp(sliding_window_view(command, STEADY_ROWS), axis=1) < STEADY * largest

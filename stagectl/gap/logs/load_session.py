@@ -26,7 +26,7 @@ from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD, SAME_STEP, S
 from stagectl.kernels import friction
 from stagectl.kernels.stage import NO_COMMANDS, Drive, Stage
 from stagectl.number_format import duration
-from stagectl.parallel import in_parallel
+from stagectl.parallel import once_for_each
 from stagectl.recording.columns import WITHOUT
 from stagectl.recording.replay import carried
 
@@ -54,7 +54,8 @@ def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = 
     notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
     notes += [(log.name, note) for log, log_notes in finished for note in log_notes]
     of_drive = order_doubts if held else drive_doubts
-    doubts = [(log.name, doubt) for log, _ in finished for doubt in of_drive(log.command, log.current, dt)]
+    both = [(log.name, log.command, log.current) for log, _ in finished]
+    doubts = [(name, doubt) for name, x, y in both if x is not None and y is not None for doubt in of_drive(x, y, dt)]
     axis = machine.axis
     session = Session(
         place=paths[0],
@@ -166,11 +167,7 @@ def _file_notes(log: RawLog) -> list[str]:
 
 def _known_setpoints(repeats: list[Repeat], machine: NominalSetup, dt: float) -> list[Array | None]:
     """The setpoints of all `repeats`; those with the same reference and injection share them."""
-    keys = [_setpoint_key(repeat) for repeat in repeats]
-    first = dict(zip(reversed(keys), reversed(repeats), strict=True))
-    rows = in_parallel(lambda repeat: _setpoints(repeat, machine, dt), first.values())
-    by_key = dict(zip(first, rows, strict=True))
-    return [by_key[key] for key in keys]
+    return once_for_each(lambda repeat: _setpoints(repeat, machine, dt), repeats, [*map(_setpoint_key, repeats)])
 
 
 def _setpoint_key(repeat: Repeat) -> tuple[bytes, ...]:

@@ -51,13 +51,9 @@ def _check_units(body: Block) -> None:
 
 
 def _mechanics(body: Block) -> stage.Mechanics:
-    inertia, viscous, bias = (quantity(stage.Mechanics, name) for name in ("inertia", "viscous", "bias"))
-    return stage.Mechanics(
-        body.number("inertia", inertia),
-        body.number("viscous", viscous, 0.0),
-        body.number("bias", bias, 0.0),
-        body.number("pitch", quantity(stage.Mechanics, "pitch")) if body.has("pitch") else 2.0 * math.pi,
-    )
+    inertia, viscous, bias = body.fields(stage.Mechanics, "inertia", viscous=0.0, bias=0.0)
+    pitch = body.number("pitch", quantity(stage.Mechanics, "pitch")) if body.has("pitch") else 2.0 * math.pi
+    return stage.Mechanics(inertia, viscous, bias, pitch)
 
 
 def _drive(drive: Block, late: int) -> stage.Drive:
@@ -144,18 +140,11 @@ def stribeck(curve: Block) -> friction.Stribeck:
     """Stribeck's curve, neutral where there is none."""
     if not curve.values:
         return friction.Stribeck()
-    return friction.Stribeck(
-        *(curve.number(name, quantity(friction.Stribeck, name)) for name in ("rise", "velocity"))
-    )._replace(shape=curve.number("shape", quantity(friction.Stribeck, "shape"), 1.0))
+    return friction.Stribeck(*curve.fields(friction.Stribeck, "rise", "velocity", shape=1.0))
 
 
 def bristle(rubbing: Block, curve: friction.Stribeck) -> friction_bristle.Bristle:
     """Dahl's or LuGre's bristle."""
     kind = friction_bristle.Bristle
-    return kind(
-        rubbing.number("coulomb", quantity(kind, "coulomb")),
-        rubbing.number("stiffness", quantity(kind, "stiffness")),
-        rubbing.number("exponent", quantity(kind, "exponent"), 1.0),
-        rubbing.number("damping", quantity(kind, "damping"), 0.0),
-        curve,
-    )
+    coulomb, stiffness, exponent, damping = rubbing.fields(kind, "coulomb", "stiffness", exponent=1.0, damping=0.0)
+    return kind(coulomb, stiffness, exponent, damping, curve)

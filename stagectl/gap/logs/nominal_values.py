@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from stagectl.gap.logs.session import NominalValueError
 from stagectl.problem import below, nearest
+from stagectl.recording.scales import number_in
 from stagectl.units import LINEAR, ROTARY, Quantity, quantity_of
 
 
@@ -38,6 +39,11 @@ class Block(NamedTuple):
             self.defaults.append(f"{self.name}.{key} ({shown})")
             return default
         return self._checked(key, self.values[key], quantity)
+
+    def fields(self, kind: type, *required: str, **defaults: float) -> list[float]:
+        """The numbers at the fields of a parameter block: those that are `required`, then those with `defaults`."""
+        given: dict[str, float | None] = {**dict.fromkeys(required), **defaults}
+        return [self.number(name, quantity(kind, name), default) for name, default in given.items()]
 
     def whole(self, key: str, quantity: Quantity, default: int | None = None) -> int:
         """The whole number at `key`."""
@@ -90,10 +96,7 @@ class Block(NamedTuple):
         return NominalValueError(self.place, f"{self.name}.{key}", self.values.get(key), rule)
 
     def _checked(self, key: str, value: Any, quantity: Quantity) -> float:
-        try:
-            number = math.nan if isinstance(value, bool) else float(value)
-        except (TypeError, ValueError):
-            number = math.nan
+        number = number_in(value)
         if not quantity.admits(number):
             rule = f"must be a number{self._admissible(quantity)}"
             raise NominalValueError(self.place, f"{self.name}.{key}", value, rule)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from stagectl.gap.logs import thresholds
 from stagectl.gap.logs.session import Array
 from stagectl.number_format import duration, percent
+from stagectl.recording.true_rows import stretches
 
 Rows = NDArray[np.bool_]
 Excluded = tuple[Rows, str]  # rows (n,) that do not count, and why
@@ -121,12 +122,6 @@ def _plateau(columns: dict[str, Array], limit: float) -> list[str]:
     if not rows:
         return []
     return [f"its current stays at {largest:.4g} A in {rows} rows under a larger command: a limit not described"]
-
-
-def stretches(rows: Rows) -> list[tuple[int, int]]:
-    """Begin and end (beyond) of all stretches of true rows."""
-    edges = np.flatnonzero(np.diff(rows.astype(np.int8), prepend=0, append=0))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def filled(column: Array) -> Array:

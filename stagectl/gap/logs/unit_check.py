@@ -6,7 +6,7 @@ from stagectl.gap.logs.session import Log, LogError, Session
 from stagectl.recording import wrong_units
 from stagectl.recording.constants import LEAST_EXCESS, USUAL
 from stagectl.recording.wrong_units import Motion
-from stagectl.units import LINEAR
+from stagectl.units import unit_on
 
 
 def check_units(session: Session) -> None:
@@ -29,7 +29,7 @@ def inertia_doubt(session: Session) -> str:
     fastest = max((float(np.quantile(np.abs(motion.acceleration), USUAL)) for motion in motions), default=0.0)
     if effort == 0.0 or p.mechanics.inertia * fastest <= LEAST_EXCESS * effort:
         return ""
-    unit, force = ("kg", "N") if session.kind == LINEAR else ("kg m^2", "N m")
+    unit, force = (unit_on(session.kind, both) for both in ("kg m^2 | kg", "N m | N"))
     takes_all = effort / fastest
     return (
         f" = {p.mechanics.inertia:g} {unit}: what the log accelerates would need {p.mechanics.inertia * fastest:.3g} "

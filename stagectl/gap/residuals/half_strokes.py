@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals import friction_family, thresholds
 from stagectl.gap.residuals.model_tracking import MeasuredPath, at_rest, mean_path, path_of
+from stagectl.recording.true_rows import stretches
 
 
 class Run(NamedTuple):

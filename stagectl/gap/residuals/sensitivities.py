@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
 from stagectl.gap.residuals.half_strokes import Run, without_drift_at_rest
 from stagectl.gap.residuals.model_tracking import MeasuredPath, ModelResidual
@@ -50,15 +50,10 @@ class Direction(NamedTuple):
     load: float = 0.0  # share of the friction's limit with which the runs begin
 
 
-def model_of(session: Session, stage: Stage) -> TrackedModel:
-    """`stage` with the tracker of the session's nominal model."""
-    return TrackedModel(stage, unit_tracker(session.stage, session.dt))
-
-
-def unit_tracker(nominal: Stage, dt: float) -> feedback.Pid:
-    """The tracker of the `nominal` model for a stage that one ampere accelerates by one."""
+def model_of(nominal: Stage, dt: float) -> TrackedModel:
+    """The `nominal` model with its tracker for rows every `dt` (s): that of all models in its place."""
     tracker = model_tracking.tracker(nominal, dt)
-    return feedback.scaled(tracker, nominal.motor.force_constant / nominal.mechanics.inertia)
+    return TrackedModel(nominal, feedback.scaled(tracker, nominal.motor.force_constant / nominal.mechanics.inertia))
 
 
 def model_residual(p: TrackedModel, path: MeasuredPath, substeps: int = SUBSTEPS, load: float = 0.0) -> ModelResidual:
@@ -80,8 +75,7 @@ def _current_in_time(p: TrackedModel, path: MeasuredPath) -> tuple[TrackedModel,
         return p, _earlier(path, 0 if unknown else 2, p.shift / path.dt)
     late = p.stage.drive.telemetry.late + p.shift
     whole = math.floor(late / path.dt)
-    stage = put(p.stage, "drive.telemetry.late", late - whole * path.dt)
-    return p._replace(stage=stage), _earlier(path, 2, whole)
+    return put(p, "stage.drive.telemetry.late", late - whole * path.dt), _earlier(path, 2, whole)
 
 
 @functools.lru_cache(maxsize=16)  # most models of one fit have the same shift
@@ -102,19 +96,14 @@ def _later_value(signal: Array, samples: float) -> Array:
     return value
 
 
-def residuals(p: TrackedModel, run: Run, noise: Whitener) -> list[Array]:
-    """Whitened residual (m, 2) of each repeat: effort and current."""
-    return [_whitened(run, model_residual(p, path), noise) for path in run.paths]
-
-
 def mean_residuals(p: TrackedModel, runs: Sequence[Run], noise: Whitener) -> list[Array]:
     """Whitened residual (m, 2) of each run along the mean of its repeats."""
     return in_parallel(lambda run: _whitened(run, model_residual(p, run.mean), noise), runs)
 
 
 def residuals_of(p: TrackedModel, runs: Sequence[Run], noise: Whitener) -> list[list[Array]]:
-    """`residuals` of all runs, over all cores."""
-    return in_parallel(lambda run: residuals(p, run, noise), runs)
+    """Whitened residual (m, 2) of each run and repeat, effort and current; over all cores."""
+    return in_parallel(lambda run: [_whitened(run, model_residual(p, path), noise) for path in run.paths], runs)
 
 
 def deviations(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.gap.effects.effect import CONTROLLER, DRIVE, MECHANICS, SENSOR
+from stagectl.identification.result import Parameter
 from stagectl.number_format import Travel
 
 Array = NDArray[np.float64]
@@ -18,15 +19,7 @@ NAMED = 0.5  # probability from which an effect counts as named: more likely the
 
 Setting = float | str | tuple[float, ...]  # a value of the stage file, in SI; a word; a list
 Fields = tuple[tuple[str, Setting], ...]  # (dotted place in the stage file, its new value)
-
-
-class Value(NamedTuple):
-    """A parameter with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
+Value = Parameter  # of an effect, with its 95 % interval
 
 
 class FoundEffect(NamedTuple):

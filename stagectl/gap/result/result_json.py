@@ -1,6 +1,6 @@
 """The diagnosis as JSON, and back: what pages, `gap apply` and `gap next` need.
 
-Traces are left out, as only the page draws them.  The shape of the unknown is thinned to `MOST_POINTS`.
+Traces are left out, as only the page draws them.
 """
 
 import json
@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.gap.logs.session import GapError
-from stagectl.gap.result.diagnosis import VERDICTS, Array, DiagnosisResult
+from stagectl.gap.result.diagnosis import VERDICTS, DiagnosisResult
 from stagectl.problem import why_unread
 from stagectl.replacing import WRITTEN_BY, write_text
 from stagectl.typed_json import TypedJsonError, decoded, encoded
 
 NAME = "diagnosis.json"
-MOST_POINTS = 400  # of a shape
 _LARGEST = 50_000_000  # bytes of a file; a diagnosis has some 100 kB
 _KEYS = (
     *("verdict", "sentence", "reason", "effects", "gap", "gaps", "where", "shares", "next_experiment", "unknown"),
@@ -49,17 +48,10 @@ class NotADiagnosisError(GapError):
 
 def as_json(result: DiagnosisResult) -> Json:
     """Values that `json` writes; everything in SI and axis units."""
-    unknown = result.unknown
-    if unknown is not None:
-        unknown = unknown._replace(grid=_thinned(unknown.grid), force=_thinned(unknown.force))
-    fields = encoded(result._replace(unknown=unknown, traces=()), DiagnosisResult)
+    fields = encoded(result._replace(traces=()), DiagnosisResult)
     fields |= {"shares": [{"name": name, "share": share} for name, share in fields["shares"].items()]}
     groups = {key: {name: fields[name] for name in names} for key, names in _GROUPS.items()}
     return {key: groups.get(key, fields.get(key)) for key in _KEYS}
-
-
-def _thinned(column: Array) -> Array:
-    return column[:: max(1, -(-len(column) // MOST_POINTS))]
 
 
 def save(result: DiagnosisResult, folder: Path) -> Path:

@@ -8,8 +8,6 @@ from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import UNEXPLAINED, DiagnosisResult, FoundEffect, Gap, UnknownTerm
 from stagectl.number_format import Travel, length, percent, portion, three_digits, together
 
-_GAP_LABELS = {"tracking_error": "tracking gap"}  # of gaps that are not labelled by their key
-_NOTHING_CHANGED = ("none", "not-identifiable")  # verdicts under which the model stays as it is
 MOST = 3  # effects in the sentence, parameters in it, and spans in a line; chosen for one line each
 FLOORS = 2.0  # times the floor: a larger gap is not closed; from the issue that asked for it
 _MOSTLY = 0.5  # of the gap, surely closed: the model is off, whether or not a parameter stands out; chosen
@@ -30,7 +28,7 @@ def _none(result: DiagnosisResult) -> str:
     likely = max(effects, key=lambda effect: effect.probability, default=None)
     if likely is not None and likely.probability >= _LIKELY:
         return f"No effect is certain. {capital(candidates(likely))}: probability {likely.probability:.2f}."
-    gap = headline(result)[1]
+    gap = result.gap
     if gap.floor > FLOORS * gap.before:
         return "Repeats of one experiment differ by more than the model does: they are not of one machine in one state."
     if _at_floor(result, gap.before):
@@ -51,21 +49,12 @@ def _controller(result: DiagnosisResult) -> str:
     return " ".join(filter(None, [verdict, result.reason, beside, "Correct its description, then diagnose again."]))
 
 
-def _unidentifiable(result: DiagnosisResult) -> str:
-    ambiguous = [candidates(effect) for effect in result.effects if effect.alternatives]
-    cause = f": {ambiguous[0]}" if ambiguous else ""
-    following = result.next_experiment
-    advised = f"The experiment {following.name!r} would identify it." if following is not None else ""
-    verdict = f"These logs do not identify the cause of the gap{cause}."
-    return " ".join(filter(None, [verdict, result.reason, advised]))
-
-
 _NO_REPEAT = "Without a repeat they do not show whether more is missing."
 
 
 def _parameters(result: DiagnosisResult) -> str:
     """The parameters that are off; that nothing else is missing only where the gap lies at a floor that is known."""
-    gap, causes = headline(result)[1], _causes(result, result.named)
+    gap, causes = result.gap, _causes(result, result.named)
     if not gap.floor > 0.0:
         return f"Parameters of the model are off: {causes}. {_NO_REPEAT.replace('they', 'these logs')}"
     rest = "No effect is missing, but" if _at_floor(result, gap.after) else "No effect explains what is left, and"
@@ -74,7 +63,7 @@ def _parameters(result: DiagnosisResult) -> str:
 
 def _at_floor(result: DiagnosisResult, size: float) -> bool:
     """Whether a gap of `size` lies at what repeats differ by; a gap that is not known says nothing."""
-    return not size > FLOORS * headline(result)[1].floor
+    return not size > FLOORS * result.gap.floor
 
 
 _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
@@ -84,7 +73,7 @@ _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
     "effects+unknown": lambda r: f"{capital(_missing(r))}. {capital(_unknown(r))}.",
     "unknown": lambda r: f"{_known_part(r)}. {capital(_unknown(r))}.",
     "controller": _controller,
-    "not-identifiable": _unidentifiable,
+    "not-identifiable": lambda r: f"These logs do not identify the cause of the gap. {r.reason}",
 }
 
 
@@ -186,7 +175,7 @@ def _joined(names: Sequence[str], last: str) -> str:
 def _unknown(result: DiagnosisResult) -> str:
     """How much repeats and is unexplained, and over which coordinate."""
     share, term = dict(result.shares).get(UNEXPLAINED, 0.0), result.unknown
-    repeats = "repeats and is" if headline(result)[1].floor > 0.0 else "is"
+    repeats = "repeats and is" if result.gap.floor > 0.0 else "is"
     text = f"{f'{portion(share)} of' if share > _SMALL else 'a part of'} the gap {repeats} unexplained"
     if term is None:
         return text
@@ -220,38 +209,30 @@ def narrow_place(term: UnknownTerm) -> float | None:
 
 
 def _distance(result: DiagnosisResult) -> str:
-    """The figures: ``Tracking gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm.``."""
-    name, gap = headline(result)
+    """The figures: ``Position gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm.``."""
+    gap = result.gap
     if result.verdict == "controller" or np.isnan(gap.before):
         return ""
     (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, result.travel)
-    unchanged = result.verdict in _NOTHING_CHANGED
+    unchanged = result.verdict == "none"
     size = f"{before} {unit}" if unchanged else f"{before} -> {after} {unit}"
     if gap.effort:
         size += f" ({percent((gap.before if unchanged else gap.after) / gap.effort)} of the effort)"
     noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else "noise floor not known: no run was repeated"
     change = "this decrease is not significant" if gap.after < gap.before else "the model comes no closer"
     doubt = "" if _shrinks(result) or unchanged or not result.named else f"; {change}"
-    return f"{capital(name)} {size} on {result.judged_on}, {noise}{doubt}."
+    return f"{capital(headline(gap))} gap {size} on {result.judged_on}, {noise}{doubt}."
 
 
 def _shrinks(result: DiagnosisResult) -> bool:
     """Whether the gap of the held-out runs decreases: significantly, where its interval is known."""
-    _, gap = headline(result)
+    gap = result.gap
     return gap.after < gap.before if np.isnan(gap.low) else gap.low > 0.0
 
 
-def headline(result: DiagnosisResult) -> tuple[str, Gap]:
-    """The gap of the sentence: that of the tracking error where it is known."""
-    for name in ("tracking_error", "tracking"):
-        if name in result.gaps:
-            return gap_label(name), result.gaps[name]
-    return ("effort gap" if result.gap.unit in ("N m", "N") else "position gap"), result.gap
-
-
-def gap_label(name: str) -> str:
-    """``tracking gap`` for the key ``tracking_error`` of the gaps."""
-    return _GAP_LABELS.get(name, f"{name.replace('_', ' ')} gap")
+def headline(gap: Gap) -> str:
+    """What the gap of the sentence is of."""
+    return "effort" if gap.unit in ("N m", "N") else "position"
 
 
 def closure(gap: Gap) -> str:

@@ -7,7 +7,7 @@ a nuisance: no effect may be named for what another law of the family explains.
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,10 +28,11 @@ from stagectl.gap.residuals.sensitivities import (
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import priors, thresholds
-from stagectl.gap.selection.bristle_members import Family, is_member, members, with_best
+from stagectl.gap.selection.bristle_members import BRISTLE, Family, is_member, members, with_best
 from stagectl.gap.selection.priors import Prior
 from stagectl.gap.selection.start_model import in_time, with_friction
 from stagectl.kernels import friction_bristle, stage
+from stagectl.kernels.fields import get, put
 from stagectl.parallel import in_parallel
 
 DELAY = "dead_time"  # the whole delay of the drive, from the effort that a command needs against its motion
@@ -76,11 +77,10 @@ def directions(session: Session, model: TrackedModel, measured: bool) -> list[Di
         _mechanics("viscous", viscous),
         *(_weight(k, thresholds.WEIGHT_CHANGE * coulomb) for k in range(len(p.friction.operators.weight))),
     ]
+    later = thresholds.SHIFT_CHANGE * session.dt
     if measured or not any(log.commanded for log in session.logs):
-        step = thresholds.SHIFT_CHANGE * session.dt
-        moving.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + step), step))
+        moving.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + later), later))
     else:
-        later = thresholds.SHIFT_CHANGE * session.dt
         moving.append(Direction(DELAY, lambda m: m._replace(stage=delayed(m.stage, later, session.dt)), later))
     if p.friction.bristle.coulomb > 0.0:
         moving += [
@@ -96,26 +96,17 @@ def viscous_unit(p: stage.Stage, dt: float) -> float:
 
 
 def _mechanics(name: str, added: float) -> Direction:
-    def change(m: TrackedModel) -> TrackedModel:
-        p = m.stage.mechanics
-        changed = p._replace(**{name: getattr(p, name) + added})
-        return m._replace(stage=m.stage._replace(mechanics=changed))
-
-    return Direction(name, change, added)
-
-
-def _with_friction(m: TrackedModel, **parts: Any) -> TrackedModel:
-    return m._replace(stage=m.stage._replace(friction=m.stage.friction._replace(**parts)))
+    place = f"stage.mechanics.{name}"
+    return Direction(name, lambda m: put(m, place, get(m, place) + added), added)
 
 
 def _weight(k: int, added: float) -> Direction:
     """One stop operator, stronger by `added` (N m | N)."""
 
     def change(m: TrackedModel) -> TrackedModel:
-        p = m.stage.friction.operators
-        changed = p.weight.copy()
+        changed = m.stage.friction.operators.weight.copy()
         changed[k] = max(changed[k] + added, 0.0)
-        return _with_friction(m, operators=p._replace(weight=changed))
+        return put(m, "stage.friction.operators.weight", changed)
 
     return Direction(weight_name(k), change, added)
 
@@ -124,7 +115,7 @@ def _bristle(name: str, size: float, length: float, change: float) -> Direction:
     """The nominal bristle by a factor on its size or its length."""
     return Direction(
         name,
-        lambda m: _with_friction(m, bristle=friction_bristle.scaled(m.stage.friction.bristle, size, length)),
+        lambda m: put(m, BRISTLE, friction_bristle.scaled(m.stage.friction.bristle, size, length)),
         change,
     )
 
@@ -182,7 +173,7 @@ def _roughness(signal: Array) -> float:
 def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: Sequence[str] = ()) -> BaselineFit:
     """Fit the parameters that the model has to the data, except those whose names are `frozen`."""
     noise = noise_of(nominal, runs, session.dt)
-    model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
+    model = put(nominal, "stage.friction", friction_family.spread(nominal.stage.friction))
     if is_measured(runs) and "time_shift" not in frozen:
         model = in_time(model, runs, noise, session.dt)
     prior = priors.prior_of(model, runs, session.dt)

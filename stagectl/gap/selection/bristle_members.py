@@ -10,10 +10,13 @@ from typing import NamedTuple
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
-from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
+from stagectl.gap.residuals.sensitivities import Direction
 from stagectl.gap.selection import thresholds
 from stagectl.gap.selection.priors import MEMBER
 from stagectl.kernels import friction_bristle, stage
+from stagectl.kernels.fields import put
+
+BRISTLE = "stage.friction.bristle"  # its place in a tracked model
 
 
 class Family(NamedTuple):
@@ -45,12 +48,7 @@ def members(nominal: stage.Stage) -> list[Direction]:
 def member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
     """The bristle `p`, as strong as `size` (N m | N)."""
     bristle = p._replace(coulomb=size, stiffness=p.stiffness * size / p.coulomb)
-    return Direction(name, lambda m: with_bristle(m, bristle), size)
-
-
-def with_bristle(m: TrackedModel, bristle: friction_bristle.Bristle) -> TrackedModel:
-    """`m` with this bristle in the place of its own."""
-    return m._replace(stage=m.stage._replace(friction=m.stage.friction._replace(bristle=bristle)))
+    return Direction(name, lambda m: put(m, BRISTLE, bristle), size)
 
 
 def with_best(family: Family, residuals: list[list[Array]], names: Sequence[str]) -> Family:

@@ -23,6 +23,7 @@ from stagectl.gap.residuals.sensitivities import (
 )
 from stagectl.gap.selection import baseline_fit, bristle_members, priors, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
+from stagectl.kernels.fields import put
 
 SHAPES = ("shape_length", "shape_exponent")  # logarithms
 _MOST = math.log(thresholds.SHAPE_FACTOR)
@@ -83,7 +84,7 @@ def _bent(m: TrackedModel, move: Mapping[str, float]) -> TrackedModel:
     p = m.stage.friction.bristle
     length, exponent = (math.exp(move.get(name, 0.0)) for name in SHAPES)
     exponent = float(np.clip(p.exponent * exponent, *thresholds.EXPONENTS))
-    return bristle_members.with_bristle(m, p._replace(stiffness=p.stiffness / length, exponent=exponent))
+    return put(m, bristle_members.BRISTLE, p._replace(stiffness=p.stiffness / length, exponent=exponent))
 
 
 def _with_columns(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> BaselineFit:

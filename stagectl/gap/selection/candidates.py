@@ -13,7 +13,8 @@ from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection.thresholds import LARGEST_SPEED, NATURAL_DAMPING, SCALED_CHANGE
+from stagectl.gap.selection.baseline_fit import viscous_unit
+from stagectl.gap.selection.thresholds import LARGEST_SPEED, SCALED_CHANGE
 from stagectl.kernels.stage import Stage
 from stagectl.units import ROTARY
 
@@ -99,7 +100,7 @@ def equipped(p: TrackedModel, effects: Sequence[EffectValues]) -> TrackedModel:
 
 def without(effects: Sequence[Definition], excluded: Sequence[str]) -> list[Definition]:
     """The library without the effects `excluded`, and without wider effects that hold them as a special case."""
-    gone = {*excluded, *(wider for name in excluded for wider in library.generalisations(name))}
+    gone = {*excluded, *(wider for name in excluded for wider in library.EFFECTS[name].generalisations)}
     return [effect for effect in effects if effect.name not in gone]
 
 
@@ -114,8 +115,7 @@ def scales(session: Session, runs: Sequence[Run], orders: Mapping[str, tuple[flo
     voltage = np.abs(drive.resistance * current + drive.back_emf * velocity)
     return Scales(
         coulomb=friction_family.size(p),
-        viscous=p.mechanics.viscous or NATURAL_DAMPING * p.mechanics.inertia / session.dt,
-        inertia=p.mechanics.inertia,
+        viscous=viscous_unit(p, session.dt),
         force_constant=p.motor.force_constant,
         length=friction_family.length(p.friction),
         speed=float(np.percentile(np.abs(velocity), LARGEST_SPEED)),

@@ -3,8 +3,6 @@
 import math
 from collections.abc import Set as AbstractSet
 
-import numpy as np
-
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.selection import constants, linearised, refine
 from stagectl.gap.selection.candidates import EffectValues
@@ -14,11 +12,8 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 
 def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
     """`now` without one of its effects, everything else as it is; fitted anew where that cannot be simulated."""
-    rest = tuple(other for other in now.effects if other is not valued)
-    left = refine.residuals(e, now.model, rest)
-    if not np.isfinite(refine.total(e, left)):
-        return refine.refine(e, e.base.model, rest)
-    return Fitted(now.model, rest, left, np.nan)
+    rest = refine.at_values(e, now.model, tuple(other for other in now.effects if other is not valued))
+    return rest if math.isfinite(rest.residual_sum_of_squares) else refine.refine(e, e.base.model, rest.effects)
 
 
 def refitted_without(e: Evidence, now: Fitted, names: AbstractSet[str]) -> Fitted:

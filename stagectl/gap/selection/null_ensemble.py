@@ -14,6 +14,7 @@ from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
 from stagectl.gap.selection import thresholds
 from stagectl.kernels import friction, friction_bristle, stage
+from stagectl.kernels.fields import put
 
 PREFIX = "null_"
 
@@ -29,7 +30,7 @@ def members(model: TrackedModel, count: int, seed: int, usual: float) -> list[Di
 
 
 def _member(name: str, law: stage.Friction) -> Direction:
-    return Direction(name, lambda m: m._replace(stage=m.stage._replace(friction=law)), 1.0)
+    return Direction(name, lambda m: put(m, "stage.friction", law), 1.0)
 
 
 def _law(p: stage.Friction, coulomb: float, number: int, source: Generator) -> stage.Friction:

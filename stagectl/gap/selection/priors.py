@@ -144,7 +144,7 @@ def temper(g: Grams, names: Sequence[str], prior: Prior) -> float:
     """Weight of the data against the prior: the more a model leaves, the less its samples are independent."""
     summed = g.both.sum(axis=0)
     left = least_squares.fit(summed, g.places(names)).residual_sum_of_squares - float(g.floor.sum())
-    return 1.0 / (1.0 + max(left, 0.0) / prior.strokes)
+    return evidence.temper(left, prior.strokes)
 
 
 class Step(NamedTuple):

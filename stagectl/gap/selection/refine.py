@@ -93,7 +93,7 @@ def refine(
     It ends early where the sum of squares of a `rival` is out of reach: all steps that are left, each as good as the
     last one, would not come to it.
     """
-    now = _fitted(e, model, tuple(effects))
+    now = at_values(e, model, tuple(effects))
     if not np.isfinite(now.residual_sum_of_squares):  # it diverged: there is no step to take
         return now
     around = any(valued.effect.nonlinear for valued in effects)  # whether the base's columns are those with the effects
@@ -101,7 +101,8 @@ def refine(
     for remaining in reversed(range(steps)):
         before, (now, gain, promised) = now, _step(e, now)
         if gain >= thresholds.SETTLED:
-            if now.residual_sum_of_squares - remaining * _fall(before, now) > rival:
+            left = now.residual_sum_of_squares
+            if left - remaining * (before.residual_sum_of_squares - left) > rival:
                 break
             continue
         if around or promised < thresholds.BROKEN_PROMISE:
@@ -110,17 +111,14 @@ def refine(
     return now
 
 
-def _fall(before: Fitted, after: Fitted) -> float:
-    return before.residual_sum_of_squares - after.residual_sum_of_squares
-
-
 def first_step(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
     """One step from these values, the base's columns taken without the effects: enough to tell initial values apart."""
-    now = _fitted(e, model, tuple(effects))
+    now = at_values(e, model, tuple(effects))
     return _step(e, now).after if np.isfinite(now.residual_sum_of_squares) else now
 
 
-def _fitted(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...]) -> Fitted:
+def at_values(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...]) -> Fitted:
+    """`model` with `effects` as they are, and what these leave."""
     left = residuals(e, model, effects)
     return Fitted(model, effects, left, total(e, left))
 
@@ -164,7 +162,7 @@ def _step(e: Evidence, now: Fitted) -> _Step:
 
     def after(move: Mapping[str, float]) -> Fitted:
         shifted = tuple(effect_parameters.shifted(valued, move) for valued in now.effects)
-        return _fitted(e, moved(e, now.model, move), shifted)
+        return at_values(e, moved(e, now.model, move), shifted)
 
     def cost(f: Fitted) -> float:
         sizes = sum((value / width) ** 2 for value, width in effect_parameters.informed(f.effects).values())

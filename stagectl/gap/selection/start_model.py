@@ -22,8 +22,7 @@ def in_time(model: TrackedModel, runs: Sequence[Run], noise: Whitener, dt: float
     """
 
     def slower(share: float) -> TrackedModel:
-        lag = model.stage.drive.current_lag + share * dt
-        return model._replace(stage=put(model.stage, "drive.current_lag", lag))
+        return put(model, "stage.drive.current_lag", model.stage.drive.current_lag + share * dt)
 
     shifted = [model._replace(shift=share * dt) for share in thresholds.SHIFTS_TRIED]
     best = _best([*shifted, *map(slower, thresholds.LAGS_TRIED)], runs, noise, CURRENT)
@@ -42,8 +41,7 @@ def with_friction(model: TrackedModel, runs: Sequence[Run], noise: Whitener, eff
     def rubbing(force: float) -> TrackedModel:
         weight = np.zeros_like(friction.operators.weight)
         weight[-1] = force
-        operators = friction.operators._replace(weight=weight)
-        return model._replace(stage=model.stage._replace(friction=friction._replace(operators=operators)))
+        return put(model, "stage.friction.operators.weight", weight)
 
     return _best([model, *(rubbing(share * effort) for share in thresholds.FRICTIONS_TRIED)], runs, noise, EFFORT)
 

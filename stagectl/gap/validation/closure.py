@@ -26,6 +26,7 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.gap.validation.thresholds import BLOCKS, OPEN_ABOVE_FLOOR, OPEN_CLOSURE
+from stagectl.kernels.fields import put
 from stagectl.kernels.stage import Stage
 from stagectl.units import unit_on
 
@@ -111,7 +112,7 @@ def along_the_path(session: Session, e: Evidence, selected: Selection, improved:
     """The gap of the effort along the measured path, where no loop can be simulated."""
     now, dt, noise = selected.fitted.model, session.dt, e.base.noise
     paths = runs(session, any(log.held_out for log in session.logs))
-    nominal, better = sensitivities.model_of(session, session.stage), now._replace(stage=improved)
+    nominal, better = sensitivities.model_of(session.stage, session.dt), now._replace(stage=improved)
     before, after = (effort(model, paths, noise, dt) for model in (nominal, better))
     least = effort_floor(now, paths, noise, dt)
     gap = held_out_gap.gap(before, after, least, unit_on(session.kind, "N m | N"))
@@ -132,7 +133,7 @@ def _worth(
     `remaining` gives the sums of squares (k,) that a model leaves of each experiment.  What only the table of
     `improved` takes is unexplained.
     """
-    now, nominal = selected.fitted, sensitivities.model_of(session, session.stage)
+    now, nominal = selected.fitted, sensitivities.model_of(session.stage, session.dt)
     tables = [UNEXPLAINED] if improved.residual is not session.stage.residual else []
     names = [valued.effect.name for valued in now.effects]
 
@@ -140,7 +141,7 @@ def _worth(
     def of(members: frozenset[str]) -> Array:
         model = now.model if PARAMETERS in members else nominal
         if UNEXPLAINED in members:
-            model = model._replace(stage=model.stage._replace(residual=improved.residual))
+            model = put(model, "stage.residual", improved.residual)
         return remaining(equipped(model, [fitted for fitted in now.effects if fitted.effect.name in members]))
 
     players = [PARAMETERS, *names, *tables]

@@ -12,7 +12,7 @@ from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.gap.validation.thresholds import SUBSTEPS
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.law import Law
-from stagectl.parallel import in_parallel
+from stagectl.parallel import once_for_each
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.exports import write_columns
 
@@ -68,10 +68,7 @@ def simulated_logs(session: Session, model: stage.Stage, logs: Sequence[Log]) ->
         (log.experiment, start.clock if aging else 0.0, *(round(x, 12) for x in (start.position, *start.going_on)))
         for log, start in zip(logs, starts, strict=True)
     ]
-    first = {key: log for key, log in reversed(list(zip(keys, logs, strict=True)))}
-    rows = in_parallel(lambda log: simulated_log(session, model, log), list(first.values()))
-    by_key = dict(zip(first, rows, strict=True))
-    return [by_key[key] for key in keys]
+    return once_for_each(lambda log: simulated_log(session, model, log), logs, keys)
 
 
 def _aging(p: stage.Stage) -> bool:

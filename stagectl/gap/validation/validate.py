@@ -8,6 +8,7 @@ import numpy as np
 from stagectl.gap.effects.library import label
 from stagectl.gap.inference.beside_unknown import stands
 from stagectl.gap.inference.conclusions import Conclusions
+from stagectl.gap.inference.signatures import put_in
 from stagectl.gap.logs.session import Log, Session
 from stagectl.gap.result.diagnosis import NAMED, FoundEffect, UnknownTerm
 from stagectl.gap.selection.established import Selection
@@ -42,9 +43,7 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
     Where the gap of these is wider with it, none is applied.
     """
     best = _best_model(session, e, [*conclusions.models, session.stage])
-    improved = best
-    for signature in conclusions.signatures:
-        improved = signature.put_in(improved)
+    improved = put_in(best, conclusions.signatures)
     found = closure(session, e, selected, improved)
     if found.gap.after > found.gap.before:
         best = improved = session.stage

@@ -40,6 +40,7 @@ from stagectl.identification.filtering import (
 from stagectl.identification.least_squares.same_instant import not_same_instant
 from stagectl.identification.result import Note, Topic
 from stagectl.number_format import duration
+from stagectl.recording.true_rows import stretches
 
 
 class Estimate(NamedTuple):
@@ -158,9 +159,8 @@ def _weight(regressor: Array, force: Array, ends: NDArray[np.int64]) -> Array:
 def _standing(velocity: Array, design: FilterDesign) -> NDArray[np.bool_]:
     """Rows (n,) in spans of standstill that are long against the filter."""
     slow = np.abs(velocity) < thresholds.STANDING_SPEED * float(np.abs(velocity).max())
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], slow, [False]]).astype(np.int8)))
     standing: NDArray[np.bool_] = np.zeros(len(velocity), dtype=np.bool_)
-    for first, last in edges.reshape(-1, 2):
+    for first, last in stretches(slow):
         if last - first >= thresholds.STANDING_PERIODS / (design.cutoff * design.dt):
             standing[first:last] = True
     return standing

@@ -7,34 +7,15 @@ dwell.
 """
 
 import itertools
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
+from stagectl.trajectories import Span
 
 
-class Dwell(NamedTuple):
-    """A stretch of one sine."""
-
-    start: float  # s
-    end: float  # s
-    frequency: float  # Hz
-    amplitude: float  # in the unit of the excitation
-
-    def span(self) -> dict[str, Any]:
-        """As recordings of ours name what was excited."""
-        return {
-            "start": self.start,
-            "end": self.end,
-            "kind": "sine",
-            "frequencies": [self.frequency],
-            "amplitude": float(f"{self.amplitude:.2g}"),  # conditions are told apart by it
-        }
-
-
-def dwells(capture: Capture) -> list[Dwell]:
+def dwells(capture: Capture) -> list[Span]:
     """The stepped sines of a record, in their order; none where they do not carry most of its excitation."""
     signal = _excitation(capture)
     signal = signal - np.median(signal)
@@ -101,7 +82,7 @@ def _agree(lengths: Array, sizes: list[float]) -> bool:
     return bool(same_length and abs(sizes[-1] - size) <= thresholds.DWELL_SIZE * size)
 
 
-def _dwell(signal: Array, crossings: Array, dt: float) -> Dwell | None:
+def _dwell(signal: Array, crossings: Array, dt: float) -> Span | None:
     """The settled part of a run, where one frequency explains it."""
     settling = max(1, round(thresholds.DWELL_SETTLING * (len(crossings) - 1)))
     first, last = int(np.ceil(crossings[settling])), int(crossings[-1])
@@ -115,7 +96,7 @@ def _dwell(signal: Array, crossings: Array, dt: float) -> Dwell | None:
     bent = abs(_bend(part, frequency))
     if left > thresholds.DWELL_LEFT * float(np.var(part)) or bent > thresholds.DWELL_BEND:
         return None
-    return Dwell(first * dt, last * dt, frequency / dt, abs(sine))
+    return Span(first * dt, last * dt, "sine", abs(sine), (frequency / dt,))
 
 
 def _phasor(part: Array, frequency: float, offset: int) -> tuple[complex, float]:

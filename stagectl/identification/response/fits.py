@@ -116,12 +116,12 @@ def linear(p: Lines, lag: float = 0.0) -> ResponseFit:
     return _without_covariance(name, values, lag, math.sqrt(float(np.mean(np.abs(misfit / p.effort) ** 2))))
 
 
-def with_delay(p: Lines, name: str) -> ResponseFit:
+def with_delay(p: Lines) -> ResponseFit:
     """Inertia, viscous friction and delay, relative residuals, no friction in the model."""
-    return _searched(p, np.zeros(0), name)
+    return _searched(p, np.zeros(0), "delay")
 
 
-def with_friction(p: Lines, name: str) -> ResponseFit:
+def with_friction(p: Lines) -> ResponseFit:
     """The same with stop operators over the range of displacements of the lines."""
     displacement = p.velocity / p.omega
     slip = np.geomspace(
@@ -129,7 +129,7 @@ def with_friction(p: Lines, name: str) -> ResponseFit:
         thresholds.LONGEST_RESPONSE_SLIP * np.max(displacement),
         thresholds.RESPONSE_ELEMENTS,
     )
-    return _searched(p, slip, name)
+    return _searched(p, slip, "friction-corrected")
 
 
 def _linear(p: Lines, delay: float, weight: Array) -> Array:

@@ -86,12 +86,13 @@ def _stepped(capture: Capture) -> tuple[Capture, list[str]]:
         return capture, []
     if not injected(capture):  # then the motion is all that excites, and stays in the velocity
         capture = capture._replace(excitation=None, reference=None)
-    lines = sorted(dwell.frequency for dwell in stepped)
+    lines = sorted(dwell.frequencies[0] for dwell in stepped)
     text = (
         f"{capture.name} does not say what was excited: its current shows {len(stepped)} stretches of one frequency "
         f"each, {lines[0]:.3g} to {lines[-1]:.3g} Hz, and each is fitted by a sine with its harmonics"
     )
-    spans = [dwell.span() for dwell in stepped]
+    # Conditions are told apart by their amplitude.
+    spans = [{**dwell._asdict(), "amplitude": float(f"{dwell.amplitude:.2g}")} for dwell in stepped]
     return capture._replace(meta={**capture.meta, "excitation": spans}), [Note(Topic.METHOD, text)]
 
 

@@ -24,6 +24,7 @@ from stagectl.identification.response.lines import Curve, coherence_threshold, c
 from stagectl.identification.response.sampling_correction import known_delay
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic, unit_of
 from stagectl.number_format import percent
+from stagectl.typed_json import plain
 
 LARGEST = "largest amplitude"
 
@@ -112,16 +113,15 @@ def _fitted(merged: list[Curve], file: StageFile) -> list[ConditionFit]:
     if still:
         largest = still[-1]
         p = fits.lines([largest], constant)
-        plain = (fits.gain_curve(p), fits.linear(p), fits.linear(p, thresholds.PAPER_LAG), fits.with_delay(p, "delay"))
+        plain = (fits.gain_curve(p), fits.linear(p), fits.linear(p, thresholds.PAPER_LAG), fits.with_delay(p))
         biased = [ConditionFit(LARGEST, fit, largest.amplitude) for fit in plain]
     free: list[ConditionFit] = []
     sines = [curve for curve in merged if not curve.moving and curve.kind == "sine"]
     if sines and _separates_friction(p := fits.lines(sines, constant)):
-        fit = fits.with_friction(p, "friction-corrected")
-        free.append(ConditionFit("all sines", fit, sines[-1].amplitude))
+        free.append(ConditionFit("all sines", fits.with_friction(p), sines[-1].amplitude))
     moving = [curve for curve in merged if curve.moving]
     if moving and len((p := fits.lines(moving, constant)).frequency) >= thresholds.LEAST_LINES:
-        free.append(ConditionFit("axis kept moving", fits.with_delay(p, "delay"), moving[-1].amplitude))
+        free.append(ConditionFit("axis kept moving", fits.with_delay(p), moving[-1].amplitude))
     fitted = biased + sorted(free, key=lambda entry: -entry.fit.covariance[1, 1])
     if not fitted:
         text = f"no condition has {thresholds.LEAST_LINES} sound lines: record more frequencies at one amplitude"
@@ -217,21 +217,9 @@ def _friction_effect(curve: Curve, fit: fits.ResponseFit, constant: float) -> di
 
 def _curve_values(curve: Curve) -> dict[str, Any]:
     """A curve as JSON values; NaN becomes null."""
-    return {
-        "name": curve.name,
-        "kind": curve.kind,
-        "amplitude": curve.amplitude,
-        "moving": curve.moving,
-        "periods": curve.periods,
-        "distortion": None if math.isnan(curve.distortion) else curve.distortion,
-        "frequency": curve.frequency.tolist(),
-        "gain": np.abs(curve.response).tolist(),
-        "phase": np.unwrap(np.angle(curve.response)).tolist(),
-        "deviation": [None if math.isnan(x) else x for x in curve.deviation.tolist()],
-        "coherence": [None if math.isnan(x) else x for x in curve.coherence.tolist()],
-        "velocity": curve.velocity.tolist(),
-        "sound": curve.sound.tolist(),
-    }
+    polar = {"gain": np.abs(curve.response), "phase": np.unwrap(np.angle(curve.response))}
+    shown = {**curve._asdict(), **polar, "sound": curve.sound}
+    return {name: plain(value) for name, value in shown.items() if name not in ("response", "relay")}
 
 
 def _doubts(merged: list[Curve], taken: ConditionFit, capture: Capture) -> list[str]:

@@ -30,7 +30,6 @@ COMMANDED = ("command", "current")
 class SmoothedMotion(NamedTuple):
     """A capture, smoothed: columns (n,) in axis units."""
 
-    position: Array
     velocity: Array
     friction: Array  # N m | N
     cut: Legs
@@ -118,7 +117,7 @@ def _smoothed(capture: Capture, file: StageFile) -> tuple[SmoothedMotion, tuple[
     cut = measured_legs(
         x, v, dt, max(thresholds.STANDING_BAND * fastest, 4.0 * rounding), thresholds.LEAST_LEG_SPEED * fastest
     )
-    return SmoothedMotion(x, v, friction, cut, dt), notes
+    return SmoothedMotion(v, friction, cut, dt), notes
 
 
 def _acting(capture: Capture, file: StageFile) -> tuple[Array, tuple[str, ...]]:

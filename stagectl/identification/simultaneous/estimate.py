@@ -230,10 +230,16 @@ def _gravity(p: Problem, answer: Answer) -> list[tuple[str, float, float]]:
     return list(zip(("gravity_sine", "gravity_cosine"), mean.tolist(), halves.tolist(), strict=True))
 
 
-def _ripple(p: Problem, answer: Answer) -> float | None:
-    """Amplitude (N m | N) of a ripple once per revolution that is beyond chance; gravity hides it."""
+def turns(p: Problem) -> float:
+    """Revolutions of a motion that shows a ripple once per revolution; 0 where it does not, or gravity hides it."""
     travel = max(float(np.ptp(rows.capture.position)) for rows in p.parts)
-    if p.gravity or p.file.axis.kind != ROTARY or travel < thresholds.RIPPLE_TRAVEL:
+    shown = travel >= thresholds.RIPPLE_TRAVEL and p.file.axis.kind == ROTARY and not p.gravity
+    return travel / (2.0 * math.pi) if shown else 0.0
+
+
+def _ripple(p: Problem, answer: Answer) -> float | None:
+    """Amplitude (N m | N) of a ripple once per revolution that is beyond chance."""
+    if not turns(p):
         return None
     mean, covariance = _once_per_turn(p, answer)
     wald = float(mean @ np.linalg.solve(covariance, mean))

@@ -19,7 +19,7 @@ class Law(NamedTuple):
     """One law: its columns along a path, and what is searched for."""
 
     words: str
-    forces: Callable[[Shapes], int]  # number of columns that are friction of unit size; those after are damping
+    forces: int  # number of columns that are friction of unit size; those after are damping
     searched: tuple[str, ...]  # kinds of theta, by their bounds in `bounds`
     columns: Callable[[Path, Sequence[float], Shapes], Array]  # (n, k) at theta
 
@@ -126,22 +126,18 @@ def _static(p: Path, theta: Sequence[float], s: Shapes) -> Array:
     return np.column_stack([side, side * np.exp(-((p.velocity / theta[1]) ** SHAPE))])
 
 
-def _single(s: Shapes) -> int:
-    return 1
-
-
 LAWS: dict[str, Law] = {
     "maxwell-slip": Law(
         "Maxwell slip",
-        lambda s: len(s.slip),
+        thresholds.SLIPS,
         (),
         lambda p, theta, s: bundle_columns(p.position, p.dt, s.slip, friction.Stribeck()),
     ),
-    "gms": Law("GMS", lambda s: thresholds.GMS_OPERATORS, ("rise", "stribeck"), _gms),
-    "dahl": Law("Dahl", _single, ("range", "exponent"), _dahl),
-    "lugre": Law("LuGre", _single, ("range", "rise", "stribeck"), _lugre),
-    "elasto-plastic": Law("elasto-plastic", _single, ("range", "rise", "stribeck", "elastic"), _elastoplastic),
-    "stribeck": Law("Stribeck", _single, ("smoothing", "stribeck"), _static),
+    "gms": Law("GMS", thresholds.GMS_OPERATORS, ("rise", "stribeck"), _gms),
+    "dahl": Law("Dahl", 1, ("range", "exponent"), _dahl),
+    "lugre": Law("LuGre", 1, ("range", "rise", "stribeck"), _lugre),
+    "elasto-plastic": Law("elasto-plastic", 1, ("range", "rise", "stribeck", "elastic"), _elastoplastic),
+    "stribeck": Law("Stribeck", 1, ("smoothing", "stribeck"), _static),
 }
 
 

@@ -127,9 +127,7 @@ def _table(p: Estimate) -> Characteristic:
         carrying[len(weight) // 2] = weight[len(weight) // 2] = 1.0
     slip, weight = p.problem.shapes.slip[carrying], weight[carrying]
     weight = weight * (p.parameters["coulomb"].value / weight.sum())
-    displacement = np.linspace(0.0, 2.2 * float(slip[-1]), 221)
-    force = np.clip(weight[:, None] * (displacement / slip[:, None] - 1.0), None, weight[:, None]).sum(axis=0)
-    return Characteristic(displacement, np.asarray(force, dtype=np.float64), weight, slip)
+    return Characteristic.over(np.linspace(0.0, 2.2 * float(slip[-1]), 221), weight, slip)
 
 
 def _details(p: Estimate) -> dict[str, Any]:

@@ -105,7 +105,7 @@ class Problem(NamedTuple):
         friction = {name: slice(FREE + place.start, FREE + place.stop) for name, place in self.shapes.groups.items()}
         first = FREE + self.shapes.groups["lag"].stop
         last = first + len(self.laws[0].weights)
-        forces = first + laws.LAWS[self.laws[0].name].forces(self.shapes)
+        forces = first + laws.LAWS[self.laws[0].name].forces
         own = {"law": slice(first, forces), "damping": slice(forces, last), "tangent": slice(last, len(self.gram))}
         return {"ripple": RIPPLE, "bend": BEND, **friction, **own}
 

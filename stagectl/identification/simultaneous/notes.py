@@ -9,10 +9,10 @@ import numpy as np
 from stagectl.identification import thresholds
 from stagectl.identification.result import Note, Topic
 from stagectl.identification.simultaneous import laws
-from stagectl.identification.simultaneous.estimate import NAMES, Estimate
+from stagectl.identification.simultaneous.estimate import NAMES, Estimate, turns
 from stagectl.identification.simultaneous.regressors import controlled
 from stagectl.number_format import duration, percent
-from stagectl.units import ROTARY, unit_on
+from stagectl.units import unit_on
 
 COLUMNS = {
     "measured_current": "the measured current",
@@ -243,17 +243,14 @@ def _bend(p: Estimate) -> Iterator[Note]:
 
 
 def _ripple(p: Estimate) -> Iterator[Note]:
-    travel = max(float(part.capture.position.max() - part.capture.position.min()) for part in p.problem.parts)
-    if p.problem.gravity or p.file.axis.kind != ROTARY or travel < thresholds.RIPPLE_TRAVEL:
+    if not (revolutions := turns(p.problem)):
         return
-    turns = travel / (2.0 * math.pi)
     if p.ripple is None:
-        text = (
-            f"ripple: none is seen over {turns:.2g} revolutions; the intervals include one that is too small to be seen"
-        )
+        seen = f"none is seen over {revolutions:.2g} revolutions"
+        text = f"ripple: {seen}; the intervals include one that is too small to be seen"
     else:
         text = (
             f"ripple: {p.ripple:.3g} {_effort(p)} once per revolution, found and taken out of the other parameters; "
-            f"the motion covers {turns:.2g} revolutions"
+            f"the motion covers {revolutions:.2g} revolutions"
         )
     yield Note(Topic.RIPPLE, text)

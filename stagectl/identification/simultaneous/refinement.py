@@ -145,7 +145,7 @@ def _solved(law: Law, at: Setting, u: Array, noise: float, along: Callable[[Arra
     """Weights at ``u = (log theta, delay in deviations, log inertia in deviations)``."""
     own, scatter = along(u[:-2]), _scatter(at, u, noise)
     force = at.forces(at.delay[0] + at.delay[1] * u[-2]) - at.inertia_at(u) * at.acceleration
-    before = prior(law.forces(at.shapes), own.shape[1], at.coulomb)
+    before = prior(law.forces, own.shape[1], at.coulomb)
     mean, deviation = np.r_[at.mean, before[0]], np.r_[at.deviation, before[1]]
     cross = at.free.T @ own
     gram = np.block([[at.gram, cross], [cross.T, own.T @ own]])

@@ -32,6 +32,7 @@ from stagectl.identification.simultaneous.windows import (
     smoothed,
     window,
 )
+from stagectl.recording.true_rows import stretches
 
 ACCELERATION, VELOCITY, ONE = 0, 1, 2
 RIPPLE = slice(3, 3 + 2 * thresholds.RIPPLE_ORDERS)  # sine and cosine of one, two, ... periods a revolution
@@ -87,9 +88,8 @@ def _moving(p: Part) -> tuple[tuple[int, int], ...]:
     last = _last(still)
     gone = _last(np.abs(x - x[last]) >= thresholds.SLIP_STEPS * step)
     unknown = still | (last > gone)
-    edges = np.flatnonzero(np.diff(unknown[p.places.samples], prepend=True, append=True)).tolist()
-    pairs = zip(edges[::2], edges[1::2], strict=True)
-    spans = tuple((first, end) for first, end in pairs if end - first >= thresholds.WHITENING_ROWS)
+    known = stretches(~unknown[p.places.samples])
+    spans = tuple((first, end) for first, end in known if end - first >= thresholds.WHITENING_ROWS)
     return () if spans == ((0, p.places.number),) else spans
 
 

@@ -94,10 +94,10 @@ def smoothed(x: Array, weights: Array, rows: Rows) -> Array:
     return np.asarray(rows.kept(full[..., first : first + rows.number]), dtype=np.float64)
 
 
-def delayed(x: Array, delay: float, dt: float, rows: Rows, order: int = 0) -> Array:
-    """``x(t - delay)`` filtered, or its derivative of this `order`, at `rows`."""
+def delayed(x: Array, delay: float, dt: float, rows: Rows) -> Array:
+    """``x(t - delay)`` filtered at `rows`."""
     whole = round(delay / dt)
-    return smoothed(x, window(rows.q, dt, order, delay - whole * dt), rows._replace(start=rows.start - whole))
+    return smoothed(x, window(rows.q, dt, shift=delay - whole * dt), rows._replace(start=rows.start - whole))
 
 
 def shortest_knots(capture: Capture) -> int:

@@ -33,8 +33,8 @@ def _effect(effect: FoundEffect) -> list[list[str]]:
 
 def gaps(result: DiagnosisResult) -> Table:
     """The gap before and after."""
-    known = {"position" if result.gap.unit in ("rad", "m") else "effort": result.gap, **result.gaps}
-    rows = [_row(verdict_text.gap_label(name), gap, result) for name, gap in known.items()]
+    known = {verdict_text.headline(result.gap): result.gap, **result.gaps}
+    rows = [_row(f"{name} gap", gap, result) for name, gap in known.items()]
     head = [f"rms on {result.judged_on}", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"]
     return Table("", head, rows)
 

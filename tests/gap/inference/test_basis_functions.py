@@ -47,13 +47,13 @@ def _folds(signal: float, clusters: int = 2) -> np.ndarray:
 
 
 def test_a_function_predicts_what_it_holds() -> None:
-    before, after = coordinates.predicted_squares(partialled_out(_folds(3.0), [1]), [0])
+    (before,), (after,), _ = coordinates.predicted_of(partialled_out(_folds(3.0), [1]), [0], [-1])
     assert before == pytest.approx(10_000 * 10.0, rel=0.05)
     assert after == pytest.approx(10_000, rel=0.05)
 
 
 def test_a_function_that_is_not_there_predicts_nothing() -> None:
-    before, after = coordinates.predicted_squares(partialled_out(_folds(0.0), [1]), [0])
+    (before,), (after,), _ = coordinates.predicted_of(partialled_out(_folds(0.0), [1]), [0], [-1])
     assert abs(before - after) < 10.0
 
 
@@ -62,8 +62,8 @@ def test_any_column_may_stand_in_the_place_of_the_residual() -> None:
     swapped = folds[:, order][:, :, order]
     both = coordinates.predicted_of(folds, [0], [-1, 1])
     for k, one in enumerate((folds, swapped)):
-        alone = coordinates.predicted_squares(one, [0])
-        assert [float(squares[k]) for squares in both[:2]] == pytest.approx(alone)
+        alone = coordinates.predicted_of(one, [0], [-1])
+        assert [squares[k] for squares in both[:2]] == pytest.approx([squares[0] for squares in alone[:2]])
 
 
 def test_a_function_that_follows_every_error_takes_a_ridge() -> None:
@@ -123,7 +123,3 @@ def test_a_speed_without_sign_goes_into_the_table_of_speeds() -> None:
     grid = np.linspace(0.0, 2.0, 9)
     shape = UnknownTerm("speed", grid, grid, 0.8, (("residual.coordinate", "speed"),))
     assert shape_fits.as_table(shape).coordinate == effects.SPEED
-
-
-def test_what_no_table_holds_stays_neutral() -> None:
-    assert shape_fits.as_table(UnknownTerm("acceleration", np.arange(3.0), np.ones(3), 0.8)) == effects.NO_TABLE

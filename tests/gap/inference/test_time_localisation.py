@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from stagectl.gap.inference import time_localisation
-from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.result.diagnosis import FoundEffect, Value
 from stagectl.gap.selection import refine
 
@@ -47,8 +46,9 @@ def test_a_jitter_acts_where_a_dead_time_of_its_size_would(ball_screw: Any) -> N
 
     model = TrackedModel(ball_screw.stage, None)  # type: ignore[arg-type]
     now: Any = SimpleNamespace(equipped=model, effects=())
-    effect = FoundEffect("jitter", (), 0.98, 0.0, {"rms": Value(1e-4, 0.0, 0.0, "s")}, "drive")
-    (part,) = time_localisation._of_drive(now, [DriveSignature(effect, "drive.jitter", 1e-4)])
+    fields = (("drive.jitter", 1e-4),)
+    effect = FoundEffect("jitter", (), 0.98, 0.0, {"rms": Value(1e-4, 0.0, 0.0, "s")}, "drive", fields)
+    (part,) = time_localisation._of_drive(now, [effect])
     drive = ball_screw.stage.drive
     assert part.whole.stage.drive == drive._replace(dead_time=drive.dead_time + drive.jitter + 1e-4)
     assert part.less is model and part.block == "drive"

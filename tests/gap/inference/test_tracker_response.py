@@ -9,7 +9,7 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import tracker_response
-from stagectl.gap.residuals.sensitivities import TrackedModel, unit_tracker
+from stagectl.gap.residuals.sensitivities import TrackedModel, model_of
 
 BALL_SCREW = Path(__file__).parents[3] / "config" / "ball-screw.yaml"
 DT, ROWS = 5e-4, 4000
@@ -20,7 +20,7 @@ TIME = np.arange(ROWS) * DT
 def model() -> TrackedModel:
     stage = load_stage(BALL_SCREW).stage
     stage = stage._replace(encoder=stage.encoder._replace(delay_samples=0))
-    return TrackedModel(stage, unit_tracker(stage, DT))
+    return model_of(stage, DT)
 
 
 def _closed_form(model: TrackedModel, frequency: float) -> complex:

@@ -12,7 +12,6 @@ from stagectl.config.stage_file import Setup
 from stagectl.gap.effects.effect import Amplitude, Shape
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.inference import verdict
-from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.result.diagnosis import FoundEffect, Value
 from stagectl.gap.selection.candidates import EffectValues
 
@@ -53,8 +52,8 @@ def test_a_friction_that_lags_is_a_stribeck_friction_too() -> None:
 @pytest.mark.parametrize(("size", "kept"), [(3e-4, False), (5e-4, True)])
 def test_a_short_mean_delay_belongs_to_the_jitter(name: str, value: str, size: float, kept: bool) -> None:
     delay = FoundEffect(name, (), 0.9, 0.0, {value: Value(size, 0.0, 1.0, "s")})
-    jitter = FoundEffect("jitter", (), 0.98, 0.0, {})
-    effects = verdict.with_signatures([delay], [DriveSignature(jitter, "drive.jitter", 1e-4)])
+    jitter = FoundEffect("jitter", (), 0.98, 0.0, {"rms": Value(1e-4, 0.0, 0.0, "s")})
+    effects = verdict.with_signatures([delay], [jitter])
     assert effects == ([delay, jitter] if kept else [jitter])
     assert verdict.with_signatures([delay], []) == [delay]
 

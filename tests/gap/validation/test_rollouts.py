@@ -25,7 +25,6 @@ def log(name: str, experiment: str = "sine", start: float = 0.0, position: float
 
 def simulated(monkeypatch: pytest.MonkeyPatch, stage: Any, logs: list[Any]) -> list[Any]:
     monkeypatch.setattr(rollouts, "simulated_log", lambda session, model, log: log.name)
-    monkeypatch.setattr(rollouts, "in_parallel", lambda function, items: [function(item) for item in items])
     session: Any = SimpleNamespace(dt=5e-4)
     return rollouts.simulated_logs(session, stage, logs)
 

@@ -13,7 +13,7 @@ from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.experiment_design import battery, catalogue
 from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.inference import basis_functions
-from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import tracker_response
 from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import model_of, model_residual
@@ -115,7 +115,7 @@ def _rows(setup: Setup, machine: stage.Stage, scene: Scene, start: float) -> NDA
 def _residual(setup: Setup, base: stage.Stage, scene: Scene, path: MeasuredPath, rows: NDArray[Any]) -> Array:
     if scene.channel == COMMAND:
         return _recomputed(setup, rows)
-    model = model_of(_session(setup, base), base)
+    model = model_of(base, setup.dt)
     unexplained = model_residual(model, path)
     if scene.channel == CURRENT:
         return unexplained.current
@@ -134,11 +134,6 @@ def _recomputed(setup: Setup, rows: NDArray[Any]) -> Array:
     setpoints = np.stack([rows[name] for name in rollout.COLUMNS[1 : 1 + rollout.SETPOINTS]], axis=1)
     difference: Array = rows["current"] - recomputed(law, setpoints, rows["measured"])[:, OUTPUT_COLUMNS["current"]]
     return difference
-
-
-def _session(setup: Setup, base: stage.Stage) -> Session:
-    axis = setup.file.axis
-    return Session(setup.path, axis.kind, axis.travel_per_unit, axis.travel_unit, setup.dt, base, None, ())
 
 
 def _columns(setup: Setup, rows: NDArray[Any], residual: Array, start: float) -> Residual:

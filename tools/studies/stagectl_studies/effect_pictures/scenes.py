@@ -21,7 +21,6 @@ ORDERS = {"cogging": (8.0,), "current_ripple": (24.0,), "ball_pass_ripple": (5.3
 SIZES = Scales(  # of the ball-screw stage and the battery on it
     coulomb=1.0,
     viscous=0.14,
-    inertia=0.01,
     force_constant=0.72,
     length=15.0 * UM,
     speed=80e3 * UM,
