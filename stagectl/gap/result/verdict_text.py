@@ -79,7 +79,7 @@ _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
 
 def _left(result: DiagnosisResult) -> str:
     """How much the effects leave of a gap that stays well above its floor, though nothing orders it."""
-    share, gap = dict(result.shares).get(UNEXPLAINED, 0.0), headline(result)[1]
+    share, gap = dict(result.shares).get(UNEXPLAINED, 0.0), result.gap
     known = gap.floor > 0.0 and _shrinks(result)
     if not known or _at_floor(result, gap.after) or not share > _SMALL:
         return ""

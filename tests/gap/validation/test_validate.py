@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.gap.result.diagnosis import FoundEffect
+from stagectl.gap.result.diagnosis import UNORDERED, FoundEffect
 from stagectl.gap.validation import held_out_gap, rollouts, validate
 
 RICH, PLAIN, NOMINAL = (SimpleNamespace(name=name) for name in ("rich", "plain", "nominal"))
@@ -49,10 +49,20 @@ def test_without_a_known_loop_the_effort_decides(
     assert validate._best_model(session, e, STAGES) is taken
 
 
-@pytest.mark.parametrize(("stays_open", "share", "named"), [(True, 0.0, False), (True, 0.3, True), (False, 0.0, True)])
+@pytest.mark.parametrize(
+    ("stays_open", "share", "coordinate", "named"),
+    [
+        (True, 0.0, "", False),
+        (True, 0.3, "", True),
+        (False, 0.0, "", True),
+        (True, 0.0, "position", True),  # what is missing is known: the gap says little of what is next to it
+        (True, 0.0, "frequency", False),
+    ],
+)
 def test_what_takes_nothing_of_a_gap_that_stays_open_is_not_what_is_missing(
-    stays_open: bool, share: float, named: bool
+    stays_open: bool, share: float, coordinate: str, named: bool
 ) -> None:
     effect = FoundEffect("current_saturation", (), 1.0, share, {}, block="drive")
     found: Any = SimpleNamespace(open=stays_open)
-    assert (validate.confirmed(effect, found).probability > 0.5) is named
+    shape = UNORDERED._replace(coordinate=coordinate) if coordinate else None
+    assert (validate.confirmed(effect, found, shape).probability > 0.5) is named
