@@ -95,10 +95,10 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     timer.begin(Step.SEARCH)
     functions = unknown.functions(evidence, size, library)
     library = library._replace(predict=lambda e, now: unknown.predicted(e, now, functions))
-    at, beside, selected = search_beside.searched(evidence, library, functions, progress)
+    at, beside, selected, known = search_beside.searched(evidence, library, functions, progress)
     selected = value_errors.borne_out(at, beside, selected, functions, progress)
     selected = selected._replace(fitted=cable_centre.centred(at, selected.fitted))
-    evidence, selected = search_beside.alone(*constant_force.settled(at, beside, selected, progress))
+    evidence, selected = search_beside.alone(*constant_force.settled(at, beside, selected, progress), known)
     fits = Fits(session, agreement.checked, evidence, library, functions, options.excluded)
     said = conclusions_that_hold(fits, selected, timer)
     result = _answer(session, said)
@@ -178,7 +178,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
     conclusions, location, closure = said.conclusions, said.location, said.validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open or said.refuted else None)
     effects = [
-        confirmed(effect, closure, conclusions.unknown) for effect in with_shares(conclusions.effects, closure.shares)
+        confirmed(effect, closure, said.selected.beside) for effect in with_shares(conclusions.effects, closure.shares)
     ]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)

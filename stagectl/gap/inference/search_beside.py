@@ -24,7 +24,8 @@ from stagectl.gap.selection.free_function import FreeFunction
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 
-NEVER = ("current", "direction")  # a controller answers with current whatever is missing; a sign is an asymmetry
+NEVER = ("direction",)  # a sign is an asymmetry
+_AS_FORCE = np.array([1.0, 0.0], np.float32)  # of a column: effort and current
 
 
 class Searched(NamedTuple):
@@ -33,6 +34,7 @@ class Searched(NamedTuple):
     evidence: Evidence
     library: Library
     selected: Selection
+    known: frozenset[str] = frozenset()  # effects that stand without a function next to them
 
 
 class _Function(NamedTuple):
@@ -51,23 +53,27 @@ def searched(e: Evidence, library: Library, smooth: BasisColumns, say: Say) -> S
     say(f"next to a function of the {function.basis.coordinate}")
     e, library = _beside(e, library, smooth, function)
     more = select.select_from(e, library, refine.refine(e, now.model, now.effects), say)
-    known, found = ({valued.effect.name for valued in each.effects} for each in (now, more.fitted))
-    return Searched(e, library, more) if known < found else alone
+    known, found = (frozenset(valued.effect.name for valued in each.effects) for each in (now, more.fitted))
+    return Searched(e, library, more, known) if known < found else alone
 
 
-def alone(e: Evidence, selected: Selection) -> tuple[Evidence, Selection]:
-    """`e` and what is `selected` on it, without a function beside: what it explained is an unknown again."""
+def alone(e: Evidence, selected: Selection, known: frozenset[str]) -> tuple[Evidence, Selection]:
+    """`e` and what is `selected` on it, without a function beside: what it explained is an unknown again.
+
+    Effects that are not `known` were found next to it.
+    """
     if e.beside is None:
         return e, selected
     names = [name for name in e.base.products.names if name not in e.beside.names]
     e = refine.with_products(e, gram_matrices.selected(e.base.products, names), None)
     fitted = selected.fitted._replace(residual_sum_of_squares=refine.total(e, selected.fitted.residuals))
-    return e, selected._replace(fitted=fitted)
+    beside = frozenset(valued.effect.name for valued in fitted.effects) - known
+    return e, selected._replace(fitted=fitted, beside=beside)
 
 
 def _likeliest(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> _Function:
     """The function with the largest evidence next to `now`, over all sizes of its amplitudes."""
-    own, powers = own_columns(e, now), [temper(cut, linearised.strokes(e)) for cut in library.excess]
+    own, powers = own_columns(e, now), (_power(e, library), 0.0)  # it is a force: the current has no part in it
     found: list[tuple[float, _Function]] = []
     for basis in (basis for basis in smooth.bases if basis.coordinate not in NEVER):
         g = gram_matrices.fold_sums(gram_matrices.with_columns(smooth.products[basis.coordinate], own), now.residuals)
@@ -83,6 +89,11 @@ def _likeliest(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns)
     return max(found, key=lambda pair: pair[0])[1]
 
 
+def _power(e: Evidence, library: Library) -> float:
+    """Of the likelihood of the residual effort."""
+    return temper(library.excess[0], linearised.strokes(e))
+
+
 def _sizes(size: Scales) -> list[float]:
     """Standard deviations (N m | N) that the amplitudes of a function may have."""
     return [scale * FUNCTION_SIZE * size.coulomb for scale, _ in constants.SCALES[:3]]
@@ -95,12 +106,11 @@ def _names(basis: CoordinateBasis, parts: Sequence[str]) -> list[str]:
 def _beside(e: Evidence, library: Library, smooth: BasisColumns, function: _Function) -> tuple[Evidence, Library]:
     """The data and the library with the columns of a `function` among the nuisances."""
     columns = [
-        {f"beside.{name}": column for name, column in of_run.items()}
+        {f"beside.{name}": [column * _AS_FORCE for column in each] for name, each in of_run.items()}
         for of_run in basis_functions.columns_of(smooth, {part: [function.basis] for part in function.parts})
     ]
     own = gram_matrices.products(e.runs, columns)
-    power = temper(library.excess[0], linearised.strokes(e))
-    beside = FreeFunction(columns, own, function.deviation, power)
+    beside = FreeFunction(columns, own, function.deviation, _power(e, library))
     e = refine.with_products(e, e.base.products, beside)
     library = linearised.library_of(e, library.forms, gram_matrices.with_columns(library.products, columns))
     around = smooth._replace(

@@ -86,11 +86,6 @@ class UnknownTerm(NamedTuple):
     block: str = "mechanics"  # "drive": `force` is a current (A)
     line: float | None = None  # Hz, of one line that holds it
 
-    @property
-    def of_motion(self) -> bool:
-        """Whether a function of where or how the axis moves orders it: not the clock, a frequency, or nothing."""
-        return self.coordinate not in ("none", "frequency", "time")
-
 
 UNORDERED = UnknownTerm("none", np.zeros(0), np.zeros(0), 0.0)  # repeats, and follows no coordinate
 

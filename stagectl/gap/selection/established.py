@@ -25,6 +25,7 @@ class Selection(NamedTuple):
     alternatives: dict[str, dict[str, float]]  # of each effect: odds of others in its place against it
     gains: dict[str, float]  # of each effect: sum of squares that nothing else of the model explains
     rivals: dict[str, dict[str, EffectValues]]  # the comparable alternatives, with their values
+    beside: frozenset[str] = frozenset()  # effects that were found next to a free function, which no loop has
 
 
 def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:

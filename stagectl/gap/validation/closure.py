@@ -147,7 +147,10 @@ def _worth(
     players = [PARAMETERS, *names, *tables]
     shares = scaled(shapley(players, lambda members: float(of(members).sum())), gap)
     whole = frozenset(players)
-    return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in names})
+    judged = [
+        name for name in names if name not in selected.beside
+    ]  # no model of a loop has the function next to others
+    return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in judged})
 
 
 def most_harmful(wider: Mapping[str, Array]) -> str:

@@ -1,6 +1,6 @@
 """The conclusions judged in closed loop: which model follows the logs best, and how far the gap closes with it."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ from stagectl.gap.inference.beside_unknown import stands
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.inference.signatures import put_in
 from stagectl.gap.logs.session import Log, Session
-from stagectl.gap.result.diagnosis import NAMED, FoundEffect, UnknownTerm
+from stagectl.gap.result.diagnosis import NAMED, FoundEffect
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.validation import held_out_gap, rollouts
@@ -52,12 +52,12 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
     return Validation(improved, found, tuple(lines))
 
 
-def confirmed(effect: FoundEffect, found: Closure, shape: UnknownTerm | None) -> FoundEffect:
+def confirmed(effect: FoundEffect, found: Closure, beside: Collection[str]) -> FoundEffect:
     """`effect` as the loop confirms it: one that takes nothing of a gap that stays open is not what is missing.
 
-    What is missing is known where an unknown has the `shape` of a function: beside it the loop says little of others.
+    Of effects that were found `beside` a function it says little: the gap is that of the function.
     """
-    if not found.open or effect.share > 0.0 or (shape is not None and shape.of_motion):
+    if not found.open or effect.share > 0.0 or effect.name in beside:
         return effect
     return effect._replace(probability=min(effect.probability, stands(0.0, 1.0)))
 

@@ -84,6 +84,6 @@ def test_an_effect_of_the_wrong_sign_is_refuted(ball_screw: Setup, tmp_path: Pat
     session = load_session.load([tmp_path])
     values = {one.name: times * one.typical[0] for one in effect.amplitudes}
     now = Fitted(model_of(session.stage, session.dt), (EffectValues(effect, values),), [], 0.0)
-    selected: Any = SimpleNamespace(fitted=now)
+    selected: Any = SimpleNamespace(fitted=now, beside=frozenset[str]())
     found = closure.in_closed_loop(session, selected, now.equipped.stage, session.logs)
     assert found.refuted == refuted

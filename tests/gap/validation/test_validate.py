@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.gap.result.diagnosis import UNORDERED, FoundEffect
+from stagectl.gap.result.diagnosis import FoundEffect
 from stagectl.gap.validation import held_out_gap, rollouts, validate
 
 RICH, PLAIN, NOMINAL = (SimpleNamespace(name=name) for name in ("rich", "plain", "nominal"))
@@ -50,19 +50,18 @@ def test_without_a_known_loop_the_effort_decides(
 
 
 @pytest.mark.parametrize(
-    ("stays_open", "share", "coordinate", "named"),
+    ("stays_open", "share", "beside", "named"),
     [
-        (True, 0.0, "", False),
-        (True, 0.3, "", True),
-        (False, 0.0, "", True),
-        (True, 0.0, "position", True),  # what is missing is known: the gap says little of what is next to it
-        (True, 0.0, "frequency", False),
+        (True, 0.0, False, False),
+        (True, 0.3, False, True),
+        (False, 0.0, False, True),
+        (True, 0.0, True, True),  # the gap is that of the function next to it
     ],
 )
 def test_what_takes_nothing_of_a_gap_that_stays_open_is_not_what_is_missing(
-    stays_open: bool, share: float, coordinate: str, named: bool
+    stays_open: bool, share: float, beside: bool, named: bool
 ) -> None:
     effect = FoundEffect("current_saturation", (), 1.0, share, {}, block="drive")
     found: Any = SimpleNamespace(open=stays_open)
-    shape = UNORDERED._replace(coordinate=coordinate) if coordinate else None
-    assert (validate.confirmed(effect, found, shape).probability > 0.5) is named
+    others = {effect.name} if beside else set()
+    assert (validate.confirmed(effect, found, others).probability > 0.5) is named
