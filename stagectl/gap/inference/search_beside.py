@@ -5,7 +5,7 @@ effects are compared again beside it.  Which function is decided by its evidence
 any effect may, so that effects are only added, and what stands without it stays.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +13,11 @@ from scipy.special import logsumexp
 
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.inference import basis_functions, unknown
-from stagectl.gap.inference.basis_functions import BasisColumns, CoordinateBasis
-from stagectl.gap.inference.shape_fits import SINGLE, own_columns
+from stagectl.gap.inference.basis_functions import ALL, BasisColumns, CoordinateBasis
+from stagectl.gap.inference.shape_fits import COMBINED, SINGLE, WITH_ACCELERATION, own_columns
 from stagectl.gap.inference.thresholds import FUNCTION_SIZE
 from stagectl.gap.residuals import gram_matrices
+from stagectl.gap.residuals.gram_matrices import Products
 from stagectl.gap.selection import constants, linearised, refine, select
 from stagectl.gap.selection.established import Say, Selection
 from stagectl.gap.selection.evidence import Candidate, Prior, gains, temper
@@ -73,12 +74,12 @@ def alone(e: Evidence, selected: Selection, known: frozenset[str]) -> tuple[Evid
 
 def _likeliest(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> _Function:
     """The function with the largest evidence next to `now`, over all sizes of its amplitudes."""
-    own, powers = own_columns(e, now), (_power(e, library), 0.0)  # it is a force: the current has no part in it
+    powers = (_power(e, library), 0.0)  # it is a force: the current has no part in it
     found: list[tuple[float, _Function]] = []
-    for basis in (basis for basis in smooth.bases if basis.coordinate not in NEVER):
-        g = gram_matrices.fold_sums(gram_matrices.with_columns(smooth.products[basis.coordinate], own), now.residuals)
+    for basis, variants, products in _tried(e, now, smooth):
+        g = gram_matrices.fold_sums(products, now.residuals)
         start = linearised.start_of(g, linearised.parameters(e, now, g), powers)
-        for parts in SINGLE:
+        for parts in variants:
             places = tuple(g.places(_names(basis, parts)))
             candidates = [
                 Candidate(basis.coordinate, 0, Prior(places, np.zeros(len(places)), np.full(len(places), size)), 1.0)
@@ -87,6 +88,20 @@ def _likeliest(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns)
             each = gains(start, candidates)
             found.append((float(logsumexp(each)), _Function(basis, parts, _sizes(smooth.size)[int(each.argmax())])))
     return max(found, key=lambda pair: pair[0])[1]
+
+
+def _tried(
+    e: Evidence, now: Fitted, smooth: BasisColumns
+) -> Iterator[tuple[CoordinateBasis, Sequence[tuple[str, ...]], Products]]:
+    """Every coordinate with the parts of its functions, and with their columns next to all that is free."""
+    own = own_columns(e, now)
+    for basis in (basis for basis in smooth.bases if basis.coordinate not in NEVER):
+        yield basis, SINGLE, gram_matrices.with_columns(smooth.products[basis.coordinate], own)
+    combined = [basis for basis in smooth.bases if basis.coordinate in COMBINED]
+    columns = basis_functions.columns_of(smooth, {part: combined for part in ALL})
+    products = gram_matrices.with_columns(gram_matrices.with_columns(smooth.known, columns), own)
+    for basis in combined:
+        yield basis, WITH_ACCELERATION, products
 
 
 def _power(e: Evidence, library: Library) -> float:
