@@ -83,9 +83,8 @@ def load_trajectory(
 
 
 def _read(reader: Reader, root: yaml.Node) -> Any:
-    if _count(root, 0) > MOST_PARTS:
-        reason = f"holds more than {MOST_PARTS} trajectories"
-        reader.refuse(root, Problem(reason, ProblemKind.SHAPE, "parts", remedy="write several files"))
+    if beyond := _beyond(root):
+        reader.refuse(root, beyond)
         return None
     if entry_of(root, "type") is None and (axis := entry_of(root, "axis")) is not None:
         remedy = "give the trajectory file in its place"
@@ -94,14 +93,24 @@ def _read(reader: Reader, root: yaml.Node) -> Any:
     return reader.value(Root, root, "")
 
 
-def _count(node: yaml.Node, depth: int) -> int:
-    """Number of blocks below `node`, aliases expanded; stops counting past the limit."""
-    total = 1
-    for child in children_of(node):
-        if total > 20 * MOST_PARTS or depth > DEEPEST_PARTS:
-            return 20 * MOST_PARTS
-        total += _count(child, depth + 1) if not isinstance(child, yaml.ScalarNode) else 0
-    return total
+def _beyond(root: yaml.Node) -> Problem | None:
+    """The bound of a file that the blocks below `root` are beyond, aliases expanded; None where it is none."""
+    waiting, count = [(root, 0)], 0
+    while waiting:
+        node, depth = waiting.pop()
+        count += 1
+        waiting += [(child, depth + 1) for child in children_of(node) if not isinstance(child, yaml.ScalarNode)]
+        if depth > DEEPEST_PARTS:
+            return _too_many(
+                "trajectories within each other", DEEPEST_PARTS // 2, "write the repeats of one as its cycles"
+            )
+        if count + len(waiting) > MOST_PARTS:
+            return _too_many("trajectories", MOST_PARTS, "write several files")
+    return None
+
+
+def _too_many(what: str, most: int, remedy: str) -> Problem:
+    return Problem(f"holds more than {most} {what}", ProblemKind.SHAPE, "parts", interval=f"[1, {most}]", remedy=remedy)
 
 
 def _resolved(entry: Any, source: _Source, place: str) -> Any:

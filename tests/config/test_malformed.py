@@ -174,6 +174,26 @@ def test_the_largest_file_is_read_and_one_byte_more_is_not(tmp_path: Path) -> No
         compose(file)
 
 
+@pytest.mark.parametrize(
+    ("depth", "wide", "most"),
+    [(19, 2, None), (21, 2, 20), (1, 1001, 1000), (22, 40, 20)],  # a bomb of aliases is deep first
+)
+def test_a_file_of_too_many_trajectories_is_refused_by_what_is_too_many(
+    depth: int, wide: int, most: int | None, machine: Path, ball_screw: Setup
+) -> None:
+    """Each list holds the one before, `wide` times; aliases count as what they stand for."""
+    inner = "{type: dwell, duration: 1 s}"
+    for _ in range(depth):
+        inner = f"{{type: sequence, parts: [{inner}]}}"
+    path = machine / "many.yaml"
+    path.write_text(f"type: sequence\nparts: [{', '.join(['&one ' + inner, *['*one'] * (wide - 1)])}]\n")
+    if most is None:
+        load_trajectory(path, axis_of(ball_screw))
+        return
+    with refused(ConfigError, kind=ProblemKind.SHAPE, key="parts", interval=f"[1, {most}]"):
+        load_trajectory(path, axis_of(ball_screw))
+
+
 def test_a_tag_makes_python_do_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "tag.yaml"
