@@ -23,6 +23,7 @@ from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
 from stagectl.gap.inference import attribution, cable_centre, constant_force, search_beside, unknown, value_errors
+from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities, whitening
 from stagectl.gap.residuals.base_modes import modes
@@ -95,10 +96,7 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     timer.begin(Step.SEARCH)
     functions = unknown.functions(evidence, size, library)
     library = library._replace(predict=lambda e, now: unknown.predicted(e, now, functions))
-    at, beside, selected, known = search_beside.searched(evidence, library, functions, progress)
-    selected = value_errors.borne_out(at, beside, selected, functions, progress)
-    selected = selected._replace(fitted=cable_centre.centred(at, selected.fitted))
-    evidence, selected = search_beside.alone(*constant_force.settled(at, beside, selected, progress), known)
+    evidence, selected = standing(evidence, library, functions, progress)
     fits = Fits(session, agreement.checked, evidence, library, functions, options.excluded)
     said = conclusions_that_hold(fits, selected, timer)
     result = _answer(session, said)
@@ -172,6 +170,24 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
         lambda run: sensitivities.all_columns(e.base.model, [run], [*directions, *ensemble], e.base.noise)[0],
     )
     return library_of(e, forms, products)
+
+
+def standing(e: Evidence, library: Library, functions: BasisColumns, progress: Progress) -> tuple[Evidence, Selection]:
+    """The effects that stand and are borne out; those next to a function only where one of these is."""
+    for found in search_beside.searched(e, library, functions, progress):
+        e, selected = _borne_out(found, functions, progress)
+        if selected.beside:
+            break
+    return e, selected
+
+
+def _borne_out(
+    found: search_beside.Searched, functions: BasisColumns, progress: Progress
+) -> tuple[Evidence, Selection]:
+    e, library, selected, known = found
+    selected = value_errors.borne_out(e, library, selected, functions, progress)
+    selected = selected._replace(fitted=cable_centre.centred(e, selected.fitted))
+    return search_beside.alone(*constant_force.settled(e, library, selected, progress), known)
 
 
 def _answer(session: Session, said: Held) -> DiagnosisResult:

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from stagectl.gap import diagnose
 from stagectl.gap.inference import search_beside
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
@@ -68,7 +69,26 @@ def test_the_search_beside_an_unknown_adds_effects_and_takes_none(
     monkeypatch.setattr(search_beside, "_likeliest", lambda *_: function)
     monkeypatch.setattr(search_beside, "_beside", lambda *_: ("evidence beside", "library beside"))
     library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted((1.0, 0.0), share)))
-    found = search_beside.searched(cast("Any", "evidence"), library, cast("Any", None), lambda _: None)
+    found, *others = search_beside.searched(cast("Any", "evidence"), library, cast("Any", None), lambda _: None)
     names = tuple(valued.effect.name for valued in found.selected.fitted.effects)
     assert names == expected
-    assert (found.evidence == "evidence beside") == (names != first)
+    assert (found.evidence == "evidence beside") == (names != first) == bool(others)
+
+
+@pytest.mark.parametrize(("borne_out", "effects"), [(True, ("cogging", "drift")), (False, ("cogging",))])
+def test_what_is_not_borne_out_next_to_a_function_leaves_what_stands_without_it(
+    borne_out: bool, effects: tuple[str, ...], monkeypatch: Any
+) -> None:
+    beside, without = (
+        search_beside.Searched(cast("Any", name), cast("Any", None), cast("Any", names), frozenset({"cogging"}))
+        for name, names in (("beside", ("cogging", "drift")), ("alone", ("cogging",)))
+    )
+
+    def settled(found: Any, *_: Any) -> Any:
+        more = frozenset({"drift"}) if found is beside and borne_out else frozenset[str]()
+        return found.evidence, SimpleNamespace(beside=more, effects=found.selected)
+
+    monkeypatch.setattr(search_beside, "searched", lambda *_: [beside, without])
+    monkeypatch.setattr(diagnose, "_borne_out", settled)
+    _, selected = diagnose.standing(*cast("Any", ("evidence", None, None, None)))
+    assert cast("Any", selected).effects == effects

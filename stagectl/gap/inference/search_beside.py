@@ -44,18 +44,18 @@ class _Function(NamedTuple):
     deviation: float  # N m | N
 
 
-def searched(e: Evidence, library: Library, smooth: BasisColumns, say: Say) -> Searched:
-    """The effects that stand; beside a function of one coordinate, where one predicts most of what they leave."""
+def searched(e: Evidence, library: Library, smooth: BasisColumns, say: Say) -> list[Searched]:
+    """The effects that stand; before them, those beside a function of one coordinate where there are more of them."""
     alone = Searched(e, library, select.select(e, library, say))
     now = alone.selected.fitted
     if not library.predict(e, now).share or len(now.effects) >= constants.MOST_EFFECTS:
-        return alone
+        return [alone]
     function = _likeliest(e, library, now, smooth)
     say(f"next to a function of the {function.basis.coordinate}")
     e, library = _beside(e, library, smooth, function)
     more = select.select_from(e, library, refine.refine(e, now.model, now.effects), say)
     known, found = (frozenset(valued.effect.name for valued in each.effects) for each in (now, more.fitted))
-    return Searched(e, library, more, known) if known < found else alone
+    return [Searched(e, library, more, known), alone] if known < found else [alone]
 
 
 def alone(e: Evidence, selected: Selection, known: frozenset[str]) -> tuple[Evidence, Selection]:
