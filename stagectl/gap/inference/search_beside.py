@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from stagectl.gap.effects.effect import Scales
+from stagectl.gap.effects.library import coordinate_label
 from stagectl.gap.inference import basis_functions, unknown
 from stagectl.gap.inference.basis_functions import ALL, BasisColumns, CoordinateBasis
 from stagectl.gap.inference.shape_fits import COMBINED, SINGLE, WITH_ACCELERATION, own_columns
@@ -51,7 +52,7 @@ def searched(e: Evidence, library: Library, smooth: BasisColumns, say: Say) -> l
     if not library.predict(e, now).share or len(now.effects) >= constants.MOST_EFFECTS:
         return [alone]
     function = _likeliest(e, library, now, smooth)
-    say(f"next to a function of the {function.basis.coordinate}")
+    say(f"next to a function of the {coordinate_label(function.basis.coordinate)}")
     e, library = _beside(e, library, smooth, function)
     more = select.select_from(e, library, refine.refine(e, now.model, now.effects), say)
     known, found = (frozenset(valued.effect.name for valued in each.effects) for each in (now, more.fitted))
