@@ -98,5 +98,6 @@ SIGNATURE_PROBABILITY = 0.98  # chosen. Of a signature that has passed these tes
 # -- a limit of the current, seen in the logs --------------------------------------------------------------------------
 AT_LIMIT, BEYOND_LIMIT = 0.8, 1.05  # of the largest current: a current at its limit, and a command beyond it
 LIMIT_AGAINST_GAIN = 0.5  # of the sum of squares that a factor on the command leaves: chosen
-# Of the Coulomb friction: usual amplitude of a function of one coordinate, as of friction that depends on the position.
+# Of the Coulomb friction: usual amplitude of a function of one coordinate, as of friction that depends on the position;
+# half, one and three times it are tried.  Halved and doubled on two machines with one: the same names, above 0.99.
 FUNCTION_SIZE = 0.03
