@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import coordinate_label
 from stagectl.gap.inference import basis_functions, unknown
 from stagectl.gap.inference.basis_functions import ALL, BasisColumns, CoordinateBasis
@@ -47,16 +46,16 @@ class _Function(NamedTuple):
 
 def searched(e: Evidence, library: Library, smooth: BasisColumns, say: Say) -> list[Searched]:
     """The effects that stand; before them, those beside a function of one coordinate where there are more of them."""
-    alone = Searched(e, library, select.select(e, library, say))
-    now = alone.selected.fitted
+    without = Searched(e, library, select.select(e, library, say))
+    now = without.selected.fitted
     if not library.predict(e, now).share or len(now.effects) >= constants.MOST_EFFECTS:
-        return [alone]
+        return [without]
     function = _likeliest(e, library, now, smooth)
     say(f"next to a function of the {coordinate_label(function.basis.coordinate)}")
     e, library = _beside(e, library, smooth, function)
     more = select.select_from(e, library, refine.refine(e, now.model, now.effects), say)
     known, found = (frozenset(valued.effect.name for valued in each.effects) for each in (now, more.fitted))
-    return [Searched(e, library, more, known), alone] if known < found else [alone]
+    return [Searched(e, library, more, known), without] if known < found else [without]
 
 
 def alone(e: Evidence, selected: Selection, known: frozenset[str]) -> tuple[Evidence, Selection]:
@@ -76,6 +75,7 @@ def alone(e: Evidence, selected: Selection, known: frozenset[str]) -> tuple[Evid
 def _likeliest(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> _Function:
     """The function with the largest evidence next to `now`, over all sizes of its amplitudes."""
     powers = (_power(e, library), 0.0)  # it is a force: the current has no part in it
+    sizes = [scale * FUNCTION_SIZE * smooth.size.coulomb for scale, _ in constants.SCALES[:3]]  # N m | N
     found: list[tuple[float, _Function]] = []
     for basis, variants, products in _tried(e, now, smooth):
         g = gram_matrices.fold_sums(products, now.residuals)
@@ -84,10 +84,10 @@ def _likeliest(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns)
             places = tuple(g.places(_names(basis, parts)))
             candidates = [
                 Candidate(basis.coordinate, 0, Prior(places, np.zeros(len(places)), np.full(len(places), size)), 1.0)
-                for size in _sizes(smooth.size)
+                for size in sizes
             ]
             each = gains(start, candidates)
-            found.append((float(logsumexp(each)), _Function(basis, parts, _sizes(smooth.size)[int(each.argmax())])))
+            found.append((float(logsumexp(each)), _Function(basis, parts, sizes[int(each.argmax())])))
     return max(found, key=lambda pair: pair[0])[1]
 
 
@@ -108,11 +108,6 @@ def _tried(
 def _power(e: Evidence, library: Library) -> float:
     """Of the likelihood of the residual effort."""
     return temper(library.excess[0], linearised.strokes(e))
-
-
-def _sizes(size: Scales) -> list[float]:
-    """Standard deviations (N m | N) that the amplitudes of a function may have."""
-    return [scale * FUNCTION_SIZE * size.coulomb for scale, _ in constants.SCALES[:3]]
 
 
 def _names(basis: CoordinateBasis, parts: Sequence[str]) -> list[str]:

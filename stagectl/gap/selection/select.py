@@ -52,8 +52,7 @@ def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
             library, now = drive_alikes.without_effects(library, beyond), refitted_without(e, now, beyond)
             continue
         after = drive_alikes.nearest(e, library, after)
-        present = {valued.effect.name for valued in now.effects}
-        say(f"added {', '.join(v.effect.name for v in after.effects if v.effect.name not in present)}")
+        say(f"added {', '.join(valued.effect.name for valued in _added(now, after))}")
         now = after
     return established(e, library, now, say)
 
@@ -101,10 +100,8 @@ def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after:
 
     They may leave more than the function does, by an error of their form, or what no function predicts.
     """
-    present = {valued.effect.name for valued in now.effects}
-    added = [valued for valued in after.effects if valued.effect.name not in present]
     predicted = library.predict(e, now)
-    if not predicted.cuts[0] or all(valued.effect.block == DRIVE for valued in added):
+    if not predicted.cuts[0] or all(valued.effect.block == DRIVE for valued in _added(now, after)):
         return True
     before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
     if not adequate(before, left, predicted.cuts[0]):
@@ -112,6 +109,12 @@ def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after:
     if left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - predicted.share) * before:
         return True
     return not library.predict(e, after).cuts[0]
+
+
+def _added(now: Fitted, after: Fitted) -> list[EffectValues]:
+    """The effects of `after` that `now` does not have."""
+    present = {valued.effect.name for valued in now.effects}
+    return [valued for valued in after.effects if valued.effect.name not in present]
 
 
 def _first_of(
@@ -159,8 +162,7 @@ def _most_probable(e: Evidence, library: Library, now: Fitted, after: Fitted) ->
 
     Away from its values, the column of an effect that bends explains little.
     """
-    present = {valued.effect.name for valued in now.effects}
-    added = next(valued for valued in after.effects if valued.effect.name not in present)
+    added = _added(now, after)[0]
     likeliest = next(iter(linearised.linearised(e, library, now, added).verdict.of_sets()))
     return added.effect.name in likeliest
 

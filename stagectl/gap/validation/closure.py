@@ -149,7 +149,7 @@ def _worth(
     whole = frozenset(players)
     judged = [
         name for name in names if name not in selected.beside
-    ]  # no model of a loop has the function next to others
+    ]  # no loop has the function that those stand next to
     return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in judged})
 
 
