@@ -147,9 +147,8 @@ def _worth(
     players = [PARAMETERS, *names, *tables]
     shares = scaled(shapley(players, lambda members: float(of(members).sum())), gap)
     whole = frozenset(players)
-    judged = [
-        name for name in names if name not in selected.beside
-    ]  # no loop has the function that those stand next to
+    # No loop has the function that the others stand next to.
+    judged = [name for name in names if name not in selected.beside]
     return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in judged})
 
 
