@@ -11,6 +11,10 @@ TRACKER_BANDWIDTH = 0.02
 # 64 Hz, friction held the model on the spot where the joint moved by 3 mrad/s.  Halved: the joint's answer is the
 # same, and of a motor polled at 431 Hz the cogging is found without its multiples, as noise grows with the bandwidth.
 TICK = 1e-3
+# s in which the bristle of a standing axis takes over what the tracker has to hold: four time constants of the tracker.
+# Of a Dahl stage with its true law, what is left unexplained is a fifth of that without; 0.9 and 1.2 times as much with
+# half and twice the time.
+YIELD_TIME = 0.01
 SUBSTEPS = 4  # integration steps per period; effects stiffer than rolling friction take more by themselves
 # Integration steps per period for sensitivities: both simulations of a difference share their integration error, so
 # that half as many suffice.
