@@ -65,6 +65,28 @@ def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     assert (grown is after) == fitted and material.nearly_all(MISSING, LEFT, 10)
 
 
+def test_two_that_are_missing_alike_are_found_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Either alone explains half of what is missing, so that no single effect is more probable than none."""
+    names = ("position_friction", "encoder_interpolation")
+    effects = [SimpleNamespace(name=name, block=EFFECTS[name].block, resonant=False, nonlinear=False) for name in names]
+    added = tuple(SimpleNamespace(effect=effect) for effect in effects)
+    sets = {frozenset(names): 0.9, frozenset[str](): 0.08, frozenset(names[:1]): 0.02}
+    at = SimpleNamespace(
+        verdict=SimpleNamespace(of_sets=lambda: sets, best=lambda item: item),
+        empty=sets[frozenset()], excess=MISSING,
+        explained=lambda item: 0.47 * len(item), values=lambda item: added[: len(item)],
+    )  # fmt: skip
+    now = cast("Any", SimpleNamespace(effects=()))
+    monkeypatch.setattr(linearised, "linearised", lambda *_, **__: at)
+    monkeypatch.setattr(linearised, "excess", lambda *_: LEFT)
+    monkeypatch.setattr(linearised, "strokes", lambda _: 10)
+    monkeypatch.setattr(select, "_grown", lambda _, __, joining, ___: SimpleNamespace(effects=joining))
+    monkeypatch.setattr(select, "_stands_against_functions", lambda *_: True)
+    library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
+    grown = select._with_small(cast("Any", None), library, now, lambda: ())
+    assert grown is not None and tuple(grown.effects) == added
+
+
 @pytest.mark.parametrize(
     ("name", "refined", "fitted"), [("compliance", 0.9, True), ("compliance", 0.1, False), ("cable_spring", 0.9, False)]
 )
