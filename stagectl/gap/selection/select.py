@@ -98,13 +98,16 @@ def _that_stands(e: Evidence, library: Library, now: Fitted, after: Fitted) -> F
 def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
     """Whether the mechanics that `after` adds to `now` explain about as much as any function of one coordinate.
 
-    They may leave more than the function does, by an error of their form, or what no function predicts.
+    They may leave more than the function does, by an error of their form, or what no function predicts.  Next to a
+    function they have to explain most of what it leaves, unless they drift: a smaller part may be the function's own
+    error of form, which repeats.
     """
-    predicted = library.predict(e, now)
-    if not predicted.cuts[0] or all(valued.effect.block == DRIVE for valued in _added(now, after)):
+    predicted, added = library.predict(e, now), _added(now, after)
+    may_be_form = e.beside is not None and not any(valued.effect.time_variation for valued in added)
+    if all(valued.effect.block == DRIVE for valued in added) or not (may_be_form or predicted.cuts[0]):
         return True
     before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
-    if not adequate(before, left, predicted.cuts[0]):
+    if not adequate(before, left, before if may_be_form else predicted.cuts[0]):
         return False
     if left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - predicted.share) * before:
         return True
