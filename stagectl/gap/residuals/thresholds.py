@@ -54,6 +54,7 @@ SHORTEST_SLIP, LONGEST_SLIP = 0.4, 3.0  # of the nominal law's shortest and long
 DISTINCT_SLIPS = 0.4  # logarithm of the ratio of two slips: below it they count as one element
 BRISTLE_EXPONENTS = (0.5, 1.0, 2.0)  # of Dahl's law
 BRISTLE_LENGTHS = (0.04, 0.12, 0.35)  # share of the rolling zone: Coulomb force over stiffness of a bristle
+BRISTLE_DAMPING = 0.3  # of critical damping, of the bristles of LuGre; chosen
 UNLOADED_CURRENT = 0.01  # A: its force replaces the friction as a unit where the model has no friction
 REVERSED = 0.95  # share of the friction that has reversed at the end of the rolling zone
 

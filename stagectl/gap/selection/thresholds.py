@@ -22,7 +22,8 @@ BRISTLE_CHANGE, LENGTH_CHANGE = 0.1, 0.2  # of the size and the length of the no
 # Gauss-Newton steps of the whole base with its bristle's shape, at most: one that settles takes three to twelve.  After
 # eight the friction of a LuGre stage still was in the stop operators, and a sixth of the misfit was left.
 SHAPE_STEPS = 40
-SHAPE_SENSITIVITY = 0.1  # of the logarithm of range and exponent, for their sensitivities
+SHAPE_SENSITIVITY = 0.1  # of the logarithms of the shape, and of critical damping, for their sensitivities
+DAMPING_STEP = 0.3  # of its critical damping, by which that of a bristle may grow in one step; chosen
 EXPONENTS = (0.2, 4.0)  # of a bristle: those that a stage file takes
 MEMBER_CHANGE = 0.1  # of the Coulomb friction, for a bristle next to the stop operators
 START_LOAD = 0.5  # of the friction's limit, with which the runs begin
