@@ -82,7 +82,8 @@ def _fractional() -> NDArray[np.int64]:
     """Orders of a ball pass, in steps: all but those that belong to the lead."""
     steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.HIGHEST_FRACTIONAL + 1)
     lead = thresholds.ORDERS_PER_WHOLE * np.array(thresholds.LEAD_ORDERS)
-    return steps[np.abs(steps[:, None] - lead).min(axis=1) >= thresholds.APART_FROM_LEAD]
+    kept: NDArray[np.int64] = steps[np.abs(steps[:, None] - lead).min(axis=1) >= thresholds.APART_FROM_LEAD]
+    return kept
 
 
 def _with_line(orders: tuple[float, ...], found: Lines) -> tuple[float, ...]:
