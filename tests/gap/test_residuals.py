@@ -19,7 +19,7 @@ from stagectl.gap.residuals.half_strokes import half_strokes, known_from, stands
 from stagectl.gap.residuals.model_tracking import MeasuredPath as Measured
 from stagectl.gap.residuals.model_tracking import ModelResidual
 from stagectl.gap.residuals.sensitivities import model_of, model_residual
-from stagectl.gap.residuals.thresholds import ROLL_OFF
+from stagectl.gap.residuals.thresholds import LEAD_ORDERS, ORDERS_PER_WHOLE, ROLL_OFF
 from stagectl.kernels import effects, friction, friction_bristle, stage, tracked_model
 from stagectl.kernels.fields import put
 
@@ -242,6 +242,12 @@ def test_an_order_of_the_pitch_is_found() -> None:
 
 
 @pytest.mark.parametrize(("ripple", "said"), [(0.0, 0), (0.2, 0), (1.0, 1)])
+def test_a_ball_pass_may_have_any_order_but_those_of_the_lead() -> None:
+    orders = pitch_orders._fractional() / ORDERS_PER_WHOLE
+    assert {4.0, 5.95, 6.0}.issubset(np.round(orders, 2).tolist())
+    assert all(np.abs(orders - lead).min() > 0.09 for lead in LEAD_ORDERS)
+
+
 def test_a_ripple_above_the_band_is_said_to_be_hardly_judged(ripple: float, said: int) -> None:
     """Cogging of a bare motor at a turn a second lies at 72 Hz: at 1 kHz it weighs next to nothing."""
     time = 0.001 * np.arange(4000)

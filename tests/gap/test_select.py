@@ -156,13 +156,29 @@ def test_mechanics_stand_where_no_function_predicts_more(
     predicted_after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An eighth of the misfit is left, next to functions that explain all of it: noise alone is no rival."""
-    valued = SimpleNamespace(effect=SimpleNamespace(name="cable_spring", block="mechanics"))
+    valued = SimpleNamespace(effect=SimpleNamespace(name="cable_spring", block="mechanics", time_variation=None))
     before, after = SimpleNamespace(effects=(), left=800.0), SimpleNamespace(effects=(valued,), left=100.0)
     monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
     of = {800.0: linearised.Predicted((700.0, 0.0), 1.2), 100.0: linearised.Predicted((predicted_after, 0.0))}
     library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
-    nothing, fits = cast("Any", None), (cast("Any", before), cast("Any", after))
-    assert select._stands_against_functions(nothing, library, *fits) is stands
+    e, fits = cast("Any", SimpleNamespace(beside=None)), (cast("Any", before), cast("Any", after))
+    assert select._stands_against_functions(e, library, *fits) is stands
+
+
+@pytest.mark.parametrize(
+    ("left", "drifts", "stands"), [(340.0, False, True), (600.0, False, False), (600.0, True, True)]
+)
+def test_next_to_a_function_an_effect_explains_most_of_what_it_leaves(
+    left: float, drifts: bool, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Less may be the function's own error of form: but that repeats, and what runs on the clock does not."""
+    variation = object() if drifts else None
+    valued = SimpleNamespace(effect=SimpleNamespace(name="stribeck", block="mechanics", time_variation=variation))
+    before, after = SimpleNamespace(effects=(), left=800.0), SimpleNamespace(effects=(valued,), left=left)
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
+    library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
+    e, fits = cast("Any", SimpleNamespace(beside=object())), (cast("Any", before), cast("Any", after))
+    assert select._stands_against_functions(e, library, *fits) is stands
 
 
 @pytest.mark.parametrize(("rise", "kept"), [(-0.9, False), (5.0, False), (4.9, True), (0.0, True)])
