@@ -241,13 +241,13 @@ def test_an_order_of_the_pitch_is_found() -> None:
     assert spectrum[6] == pytest.approx(4000 / 4, rel=0.03)
 
 
-@pytest.mark.parametrize(("ripple", "said"), [(0.0, 0), (0.2, 0), (1.0, 1)])
 def test_a_ball_pass_may_have_any_order_but_those_of_the_lead() -> None:
     orders = pitch_orders._fractional() / ORDERS_PER_WHOLE
     assert {4.0, 5.95, 6.0}.issubset(np.round(orders, 2).tolist())
     assert all(np.abs(orders - lead).min() > 0.09 for lead in LEAD_ORDERS)
 
 
+@pytest.mark.parametrize(("ripple", "said"), [(0.0, 0), (0.2, 0), (1.0, 1)])
 def test_a_ripple_above_the_band_is_said_to_be_hardly_judged(ripple: float, said: int) -> None:
     """Cogging of a bare motor at a turn a second lies at 72 Hz: at 1 kHz it weighs next to nothing."""
     time = 0.001 * np.arange(4000)
