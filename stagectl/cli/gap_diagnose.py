@@ -120,5 +120,5 @@ def show(answer: GapDiagnosis, folder: Path) -> None:
     console.print(str(answer))
     if found.next_experiment is not None and found.next_experiment.trajectory:
         console.print(f"stagectl gap next {folder}", style="bold")
-    if any(effect.fields for effect in found.named):
+    if found.writes:
         console.print(f"stagectl gap apply {folder} STAGE.yaml", style="bold")

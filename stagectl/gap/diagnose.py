@@ -34,8 +34,6 @@ from stagectl.gap.result.diagnosis import (
     BLOCKS,
     HELD_OUT,
     NAMED,
-    NOISE,
-    PARAMETERS,
     UNFITTED,
     UNORDERED,
     DiagnosisResult,
@@ -50,6 +48,7 @@ from stagectl.gap.selection.linearised import Library, library_of
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
+from stagectl.gap.validation import shares
 from stagectl.gap.validation.validate import confirmed
 from stagectl.identification.thresholds import LEAST_ENCODER_STEPS
 from stagectl.kernels.stage import Stage, sliding
@@ -194,7 +193,8 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
     conclusions, location, closure = said.conclusions, said.location, said.validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open or said.refuted else None)
     effects = [
-        confirmed(effect, closure, said.selected.beside) for effect in with_shares(conclusions.effects, closure.shares)
+        confirmed(effect, closure, said.selected.beside)
+        for effect in shares.of_effects(conclusions.effects, closure.shares)
     ]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
@@ -211,6 +211,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
         traces=tuple(closure.traces),
         notes=(*session.notes, *said.validation.warnings),
         cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
+        friction=shares.law_of(session.stage, said.validation),
     )
 
 
@@ -221,22 +222,6 @@ def verdict_of(named: Sequence[FoundEffect], shape: UnknownTerm | None) -> str:
     if shape is not None:
         return "unknown"
     return "parameters" if named else "none"
-
-
-def with_shares(effects: Sequence[FoundEffect], shares: dict[str, float]) -> list[FoundEffect]:
-    """Effects with their shares of the closable gap.
-
-    Parameters have one share together, which they divide in proportion to what each takes of the misfit.
-    """
-    whole = max(1.0 - shares.get(NOISE, 0.0), 1e-9)
-    taken = {effect.name: max(effect.share, 0.0) for effect in effects if effect.parameter}
-    total = sum(taken.values()) or 1.0
-    parameters = shares.get(PARAMETERS, 0.0) / whole
-
-    def share(effect: FoundEffect) -> float:
-        return parameters * taken[effect.name] / total if effect.parameter else shares.get(effect.name, 0.0) / whole
-
-    return [effect._replace(share=share(effect)) for effect in effects]
 
 
 def _advised(session: Session, result: DiagnosisResult, selected: Selection, e: Evidence) -> DiagnosisResult:

@@ -44,7 +44,8 @@ NEUTRAL = Bristle()
 
 def scaled(p: Bristle, size: float, length: float = 1.0) -> Bristle:
     """`p` with its force times `size` and the length of its rolling zone times `length`."""
-    return p._replace(coulomb=p.coulomb * size, stiffness=p.stiffness * size / length)
+    stronger = p._replace(coulomb=p.coulomb * size, damping=p.damping * size)
+    return stronger._replace(stiffness=p.stiffness * size / length)
 
 
 @kernel

@@ -14,13 +14,17 @@ candidates add up.  It is no open-loop replay, in which position would be a doub
 same estimator with the same delays runs over data and over every candidate, so its own bias cancels.
 
 How closely the PID can hold the model depends on its rate, and a log may be slow: a period then has many ticks.
+
+At rest, friction carries what acts on the axis.  Vibrations smaller than an encoder step work a bristle there, so that
+its state at the end of a rest does not follow from the path: the current tells it.  At rest, therefore, the bristle
+takes over what the correction has to hold, as far as it can.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from stagectl.kernels import feedback, stage
+from stagectl.kernels import feedback, friction_bristle, stage
 from stagectl.kernels.jit import kernel
 
 
@@ -40,15 +44,16 @@ class State(NamedTuple):
 
 @kernel
 def step(
-    p: Tied, x: State, row: tuple[float, float], path: Any, dt: float, c: stage.Steps
+    p: Tied, x: State, row: tuple[float, float, float], path: Any, dt: float, c: stage.Steps
 ) -> tuple[float, float, State]:
-    """One period under `row` = (command A, current A; NaN: not measured), along `path` (m,): positions of m ticks.
+    """One period under `row`, along `path` (m,): positions of m ticks.
 
+    `row` = (command A, current A; NaN: not measured, share of the correction that the bristle takes over: 0 in motion).
     It lasts `dt` (s), and a tick goes in the steps `c`.  Of a single tick the position is that which the encoder
     reports at its begin, of many that where the machine is.
     Returns the mean correction (A), the current that the drive gives (A), and the state at the end of the period.
     """
-    command, current = row
+    command, current, share = row
     given = stage.reported(p.stage.drive, x.plant, dt)
     # Measured: a deviation of the drive from its model is not one of the mechanics.
     missing = current - given if current == current else 0.0
@@ -59,17 +64,37 @@ def step(
         correction = terms.proportional + terms.integral + terms.derivative
         plant = stage.stepped(p.stage, plant, stage.Noise(correction + missing, 0.0, 0.0), c)
         corrections += correction
-    return corrections / ticks, given, State(stage.latched(p.stage, plant), tracker)
+    x = State(stage.latched(p.stage, plant), tracker)
+    return corrections / ticks, given, x if share == 0.0 else _carried(p, x, share)
+
+
+@kernel
+def _carried(p: Tied, x: State, share: float) -> State:
+    """`x` where the bristle carries a `share` of the tracker's integral term, as far as it holds."""
+    bristle, constant = p.stage.friction.bristle, p.stage.motor.force_constant
+    if bristle.coulomb == 0.0:
+        return x
+    most = friction_bristle.holding(bristle)
+    before = bristle.stiffness * x.plant.bristle
+    moved = min(max(before - share * constant * x.tracker.integral, -most), most) - before
+    tracker = feedback.State(x.tracker.error, x.tracker.integral + moved / constant, x.tracker.derivative)
+    plant = stage.State(
+        x.plant.commands, x.plant.latched, x.plant.current, x.plant.position, x.plant.velocity,
+        x.plant.force + moved, x.plant.stops, (before + moved) / bristle.stiffness, x.plant.memory,
+    )  # fmt: skip
+    return State(plant, tracker)
 
 
 @kernel
 def follow(p: Tied, x: State, inputs: Any, dt: float, substeps: int) -> State:
-    """All periods of `inputs` = (rows (n, 2): command, current; path (n, m); out (n, 2): correction, model's current).
+    """All periods of `inputs` = (rows (n, 3), as `step` has them; path (n, m); out (n, 2)).
+
+    `out`: correction and model's current.
 
     `substeps` are those of a tick.  Fills `out`; returns the state at the end.
     """
     rows, path, out = inputs
     steps = stage.steps(p.stage, dt / path.shape[1], substeps)
     for k in range(len(rows)):
-        out[k, 0], out[k, 1], x = step(p, x, (rows[k, 0], rows[k, 1]), path[k], dt, steps)
+        out[k, 0], out[k, 1], x = step(p, x, (rows[k, 0], rows[k, 1], rows[k, 2]), path[k], dt, steps)
     return x

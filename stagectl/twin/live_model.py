@@ -158,7 +158,7 @@ def _command_difference(p: Twin, x: law.State | None, rows: Array) -> tuple[floa
 def _tracked(p: Twin, x: TwinState, path: Array) -> tuple[Array, Array, tuple[tracked_model.State, ...]]:
     """Corrections (models, n) A, the current of the drive model (n,) A, and all states at the end."""
     out = np.empty((len(p.models), len(path), 2))
-    given, shifted = np.ascontiguousarray(path[:, ::2]), path.copy()
+    given, shifted = np.column_stack([path[:, ::2], np.zeros(len(path))]), path.copy()
     past = np.concatenate([x.before, path[:, 1]])
     shifted[:, 1] += thresholds.NUDGE * (path[:, 1] - past[: len(path)]) / thresholds.SPEED_PERIODS
     late = next(k for k, candidate in enumerate(p.mechanics, 1) if candidate.name == "time_shift")

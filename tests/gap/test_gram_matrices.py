@@ -156,3 +156,20 @@ def test_the_products_kept_do_not_grow_with_the_number_of_half_strokes() -> None
     assert [array.nbytes for block in few.blocks for array in block] == [
         array.nbytes for block in most.blocks for array in block
     ]
+
+
+def test_what_was_recorded_once_is_as_noisy_as_the_repeats() -> None:
+    """Where some experiments were repeated and others not, no noise may pass for what repeats."""
+    source = np.random.default_rng(3)
+    runs = [_run(source)._replace(weight=np.ones(ROWS), rests=()) for _ in range(40)]
+    once = [run if k % 2 else run._replace(paths=run.paths[:1]) for k, run in enumerate(runs)]
+    residuals = [[source.standard_normal((ROWS, 2)) for _ in run.paths] for run in once]
+    columns = [{"a": [np.ones((ROWS, 2))]} for _ in once]
+    p = gram_matrices.products(once, columns)
+    whole = sum(len(run.paths) for run in once) * ROWS
+    for floor in (gram_matrices.noise(p, residuals), gram_matrices.fold_sums(p, residuals).floor.sum(axis=0)):
+        np.testing.assert_allclose(floor, whole, rtol=0.1)
+    g = gram_matrices.grams(p, residuals)
+    at = np.isin(g.experiment, [k for k, run in enumerate(once) if len(run.paths) == 1])
+    np.testing.assert_allclose(g.floor[at].sum(axis=0), 20 * ROWS, rtol=0.1)
+    np.testing.assert_allclose(g.floor.sum(axis=0), whole, rtol=0.1)

@@ -34,7 +34,7 @@ def test_noise_goes_and_ringing_stays() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_bristle_is_found_as_it_is(tmp_path: Path, seed: int) -> None:
-    """A standing bristle that is shaken by sensor noise loses its load: a fit then takes another law for it."""
+    """Vibrations unload a standing bristle; sensor noise must not do it, and the current tells how far they did."""
     trial = draw(seed, "null-law", Drawn(short=True, law="dahl"))
     stage_trial(trial, tmp_path)
     fitted = diagnose.baseline(load_session.load([tmp_path / "captures"]), ()).base.model.stage.friction
@@ -42,5 +42,5 @@ def test_a_bristle_is_found_as_it_is(tmp_path: Path, seed: int) -> None:
     displacement = np.linspace(0.0, 20.0 * trial.rig.machine.law.length, 800)
     true = coulomb * (1.0 + reversal(trial.rig.machine.law, displacement))
     found = friction_family.reversal(fitted, displacement)
-    assert np.abs(found - true).max() < 0.03 * 2.0 * coulomb
-    assert fitted.bristle.coulomb > 0.75 * coulomb
+    assert np.abs(found - true).max() < 0.01 * 2.0 * coulomb
+    assert fitted.bristle.coulomb > 0.9 * coulomb

@@ -201,6 +201,17 @@ def test_only_what_is_named_or_asked_for_is_written() -> None:
     assert (refused.value.place, refused.value.value) == ("--only", "dwell")
 
 
+def test_the_form_of_the_friction_is_written_without_being_a_finding() -> None:
+    """It is in the model whose gap the answer gives: without it, the patched model would be another one."""
+    law = PRESLIDING.fields
+    result = found("none", effects=(), friction=law)
+    assert [(part.name, part.fields) for part in parts(result)[0]] == [("friction_form", law)] and result.writes
+    result = found("effects", effects=(ASYMMETRY,), friction=law)
+    assert [part.name for part in parts(result)[0]] == ["viscous_asymmetry", "friction_form"]
+    assert [part.name for part in parts(result, ["viscous_asymmetry"])[0]] == ["viscous_asymmetry"]
+    assert [part.name for part in parts(result, ["friction_form"])[0]] == ["friction_form"]
+
+
 def test_the_unknown_is_written_on_request_only() -> None:
     shape = SHAPE._replace(fields=(("mechanics.bias", 0.02),))
     result = found("effects+unknown", effects=(VISCOUS,), unknown=shape)

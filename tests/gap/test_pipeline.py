@@ -10,8 +10,9 @@ import pytest
 
 from stagectl.gap import diagnose
 from stagectl.gap.inference.conclusions import Conclusions
-from stagectl.gap.result.diagnosis import NOISE, UNORDERED, FoundEffect, Value
+from stagectl.gap.result.diagnosis import FORM, NOISE, UNORDERED, FoundEffect, Value
 from stagectl.gap.steps import Step, StepTimer
+from stagectl.gap.validation import shares as shares_of
 
 DWELL = FoundEffect("dwell", (), 0.9, 0.0, {})
 INERTIA, BIAS = (
@@ -45,14 +46,20 @@ def test_the_verdict(named: list[FoundEffect], shape: Any, verdict: str) -> None
 
 def test_shares_are_of_the_closable_gap_and_parameters_divide_theirs() -> None:
     shares = {"parameters": 0.2, "dwell": 0.4, NOISE: 0.2}
-    dwell, inertia, bias = diagnose.with_shares([DWELL, INERTIA, BIAS], shares)
+    dwell, inertia, bias = shares_of.of_effects([DWELL, INERTIA, BIAS], shares)
     assert (dwell.share, inertia.share, bias.share) == pytest.approx((0.5, 0.1875, 0.0625))
-    assert diagnose.with_shares([DWELL], {})[0].share == 0.0
+    assert shares_of.of_effects([DWELL], {})[0].share == 0.0
 
 
 def test_a_parameter_that_takes_nothing_raises_the_share_of_no_other() -> None:
-    inertia, bias = diagnose.with_shares([INERTIA, BIAS._replace(share=-0.9 * INERTIA.share)], {"parameters": 0.2})
+    inertia, bias = shares_of.of_effects([INERTIA, BIAS._replace(share=-0.9 * INERTIA.share)], {"parameters": 0.2})
     assert (inertia.share, bias.share) == pytest.approx((0.2, 0.0))
+
+
+def test_the_length_of_the_rolling_zone_has_the_share_of_the_friction_s_form() -> None:
+    zone = FoundEffect("presliding", (), 0.9, 2.0, {}, parameter=True)
+    inertia, length = shares_of.of_effects([INERTIA, zone], {"parameters": 0.1, FORM: 0.7, NOISE: 0.2})
+    assert (inertia.share, length.share) == pytest.approx((0.125, 0.875))
 
 
 def session(*logs: dict[str, Any]) -> Any:

@@ -19,8 +19,8 @@ from stagectl.gap.residuals.half_strokes import half_strokes, known_from, stands
 from stagectl.gap.residuals.model_tracking import MeasuredPath as Measured
 from stagectl.gap.residuals.model_tracking import ModelResidual
 from stagectl.gap.residuals.sensitivities import model_of, model_residual
-from stagectl.gap.residuals.thresholds import ROLL_OFF
-from stagectl.kernels import effects, stage, tracked_model
+from stagectl.gap.residuals.thresholds import LEAD_ORDERS, ORDERS_PER_WHOLE, ROLL_OFF
+from stagectl.kernels import effects, friction, friction_bristle, stage, tracked_model
 from stagectl.kernels.fields import put
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
@@ -52,6 +52,35 @@ def test_a_true_model_has_no_residual_behind_an_encoder_with_errors() -> None:
     encoder = SETUP.stage.encoder._replace(step=0.0, eccentricity=effects.Harmonic(3e-4, 1.0, 0.3))
     p = SETUP.stage._replace(encoder=encoder)
     assert np.abs(model_tracking.tracking_residual(_tied(p), _driven(p), 10).effort).max() < 1e-9
+
+
+def test_a_bristle_that_creeps_at_rest_moves_on_as_the_current_tells() -> None:
+    """It gives up half of its load while nothing moves; a model that knows the path alone goes on with all of it."""
+    bristle, none = friction_bristle.Bristle(1.0, 500.0, 1.4), friction.bundle((), ())
+    p = SETUP.stage._replace(friction=SETUP.stage.friction._replace(operators=none, bristle=bristle))
+    path = _creeping(p, 0.8 / p.motor.force_constant)
+    told, untold = (
+        model_tracking.tracking_residual(_tied(p), one, 10).effort[_GOES_ON:] for one in (path, path._replace(still=()))
+    )
+    assert np.abs(told).max() < 0.01 * bristle.coulomb
+    assert np.abs(untold).max() > 0.1 * bristle.coulomb
+
+
+_CREEPS, _GOES_ON = 300, 600  # rows
+
+
+def _creeping(p: stage.Stage, held: float) -> Measured:
+    """A rest under a current `held` (A), half of it after the bristle has crept; then a motion."""
+    rows, x, smooth = np.empty((1600, 3)), stage.at_rest(p, 1.0, held=held), p.encoder._replace(step=0.0)
+    for k in range(len(rows)):
+        command = held if k < _CREEPS else 0.5 * held
+        if k == _CREEPS:
+            waiting = stage.at_rest(p, 1.0, held=command).commands
+            x = x._replace(commands=waiting, current=command, bristle=0.5 * x.bristle, force=0.5 * x.force)
+        command += 3.0 * math.sin(4.0 * math.pi * SETUP.dt * max(k - _GOES_ON, 0))
+        rows[k] = command, stage.measured(smooth, x, stage.SILENT), x.current
+        x = stage.period(p, x, command, stage.SILENT, SETUP.dt, 10)
+    return Measured(rows, 0.0, SETUP.dt, still=((0, _GOES_ON),), carried=held)
 
 
 def test_a_constant_effort_is_recovered() -> None:
@@ -210,6 +239,12 @@ def test_an_order_of_the_pitch_is_found() -> None:
     spectrum = pitch_orders.power(signal[None], turns, 19)[0]
     assert pitch_orders.peaks(np.arange(1, 20), spectrum)[0] == 7
     assert spectrum[6] == pytest.approx(4000 / 4, rel=0.03)
+
+
+def test_a_ball_pass_may_have_any_order_but_those_of_the_lead() -> None:
+    orders = pitch_orders._fractional() / ORDERS_PER_WHOLE
+    assert {4.0, 5.95, 6.0}.issubset(np.round(orders, 2).tolist())
+    assert all(np.abs(orders - lead).min() > 0.09 for lead in LEAD_ORDERS)
 
 
 @pytest.mark.parametrize(("ripple", "said"), [(0.0, 0), (0.2, 0), (1.0, 1)])

@@ -65,6 +65,28 @@ def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     assert (grown is after) == fitted and material.nearly_all(MISSING, LEFT, 10)
 
 
+def test_two_that_are_missing_alike_are_found_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Either alone explains half of what is missing, so that no single effect is more probable than none."""
+    names = ("position_friction", "encoder_interpolation")
+    effects = [SimpleNamespace(name=name, block=EFFECTS[name].block, resonant=False, nonlinear=False) for name in names]
+    added = tuple(SimpleNamespace(effect=effect) for effect in effects)
+    sets = {frozenset(names): 0.9, frozenset[str](): 0.08, frozenset(names[:1]): 0.02}
+    at = SimpleNamespace(
+        verdict=SimpleNamespace(of_sets=lambda: sets, best=lambda item: item),
+        empty=sets[frozenset()], excess=MISSING,
+        explained=lambda item: 0.47 * len(item), values=lambda item: added[: len(item)],
+    )  # fmt: skip
+    now = cast("Any", SimpleNamespace(effects=()))
+    monkeypatch.setattr(linearised, "linearised", lambda *_, **__: at)
+    monkeypatch.setattr(linearised, "excess", lambda *_: LEFT)
+    monkeypatch.setattr(linearised, "strokes", lambda _: 10)
+    monkeypatch.setattr(select, "_grown", lambda _, __, joining, ___: SimpleNamespace(effects=joining))
+    monkeypatch.setattr(select, "_stands_against_functions", lambda *_: True)
+    library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
+    grown = select._with_small(cast("Any", None), library, now, lambda: ())
+    assert grown is not None and tuple(grown.effects) == added
+
+
 @pytest.mark.parametrize(
     ("name", "refined", "fitted"), [("compliance", 0.9, True), ("compliance", 0.1, False), ("cable_spring", 0.9, False)]
 )
@@ -134,13 +156,29 @@ def test_mechanics_stand_where_no_function_predicts_more(
     predicted_after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An eighth of the misfit is left, next to functions that explain all of it: noise alone is no rival."""
-    valued = SimpleNamespace(effect=SimpleNamespace(name="cable_spring", block="mechanics"))
+    valued = SimpleNamespace(effect=SimpleNamespace(name="cable_spring", block="mechanics", time_variation=None))
     before, after = SimpleNamespace(effects=(), left=800.0), SimpleNamespace(effects=(valued,), left=100.0)
     monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
     of = {800.0: linearised.Predicted((700.0, 0.0), 1.2), 100.0: linearised.Predicted((predicted_after, 0.0))}
     library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
-    nothing, fits = cast("Any", None), (cast("Any", before), cast("Any", after))
-    assert select._stands_against_functions(nothing, library, *fits) is stands
+    e, fits = cast("Any", SimpleNamespace(beside=None)), (cast("Any", before), cast("Any", after))
+    assert select._stands_against_functions(e, library, *fits) is stands
+
+
+@pytest.mark.parametrize(
+    ("left", "drifts", "stands"), [(340.0, False, True), (600.0, False, False), (600.0, True, True)]
+)
+def test_next_to_a_function_an_effect_explains_most_of_what_it_leaves(
+    left: float, drifts: bool, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Less may be the function's own error of form: but that repeats, and what runs on the clock does not."""
+    variation = object() if drifts else None
+    valued = SimpleNamespace(effect=SimpleNamespace(name="stribeck", block="mechanics", time_variation=variation))
+    before, after = SimpleNamespace(effects=(), left=800.0), SimpleNamespace(effects=(valued,), left=left)
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
+    library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
+    e, fits = cast("Any", SimpleNamespace(beside=object())), (cast("Any", before), cast("Any", after))
+    assert select._stands_against_functions(e, library, *fits) is stands
 
 
 @pytest.mark.parametrize(("rise", "kept"), [(-0.9, False), (5.0, False), (4.9, True), (0.0, True)])

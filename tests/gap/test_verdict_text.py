@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from stagectl.gap.result import remarks_text, verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, UNEXPLAINED, VERDICTS, FoundEffect, Gap
+from stagectl.gap.result.diagnosis import BLOCKS, FORM, NOISE, UNEXPLAINED, VERDICTS, FoundEffect, Gap
 from stagectl.gap.result.result_json import NAME, NotADiagnosisError, as_json, load, restored, save
 from stagectl.replacing import json_text
 from stagectl.report.tables import gap as tables
-from tests.gap.examples import ASYMMETRY, COGGING, SHAPE, every, found, gap
+from tests.gap.examples import ASYMMETRY, COGGING, SHAPE, VISCOUS, every, found, gap
 
 FOUND = every()
 
@@ -255,3 +255,13 @@ def test_it_says_where_and_when_and_counts_further_captures() -> None:
     opened = [line for line in lines if line.startswith("open in sine-1.6hz-1.csv")]
     assert len(opened) == remarks_text.MOST_SPANS and lines[-1] == "and 3 more captures"
     assert remarks_text.where(FOUND["none"]) == []
+
+
+def test_the_form_of_the_friction_has_its_own_share() -> None:
+    """It is no parameter that would be named: what it takes must not stand with those that are."""
+    shares = (("parameters", 0.04), (FORM, 0.9), (NOISE, 0.06))
+    result = found("parameters", effects=(VISCOUS,), shares=shares, friction=(("friction.law", "dahl"),))
+    assert f"96 % of the closable gap is the {FORM}." in verdict_text.sentence(result)
+    assert FORM not in verdict_text.sentence(result._replace(friction=()))
+    zone = VISCOUS._replace(name="presliding")
+    assert FORM not in verdict_text.sentence(result._replace(effects=(VISCOUS, zone)))

@@ -13,6 +13,7 @@ from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, BasisColumns
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Grams, folds, partialled_out
+from stagectl.gap.residuals.half_strokes import noise_of_all
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.result.diagnosis import Coordinate
 from stagectl.gap.selection import refine
@@ -51,7 +52,7 @@ def scatter(e: Evidence) -> list[Array]:
 def floor_of_means(e: Evidence) -> Array:
     """Sums of squares (2,) that the repeats' noise leaves in their means, of effort and current."""
     floor: Array = np.sum([np.sum(deviations * deviations, axis=(0, 1)) for deviations in scatter(e)], axis=0)
-    return floor
+    return floor * noise_of_all(e.runs, of_means=True)
 
 
 def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: bool = False) -> float:

@@ -15,7 +15,7 @@ from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products, folds, partialled_out
-from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.half_strokes import Run, noise_of_all
 from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import constants, null_ensemble, refine
@@ -50,7 +50,7 @@ def in_a_band(e: Evidence, rows: FreeRows, least: float) -> UnknownTerm | None:
 
     `rows` are those of the mechanics' cut.
     """
-    noise = powers(e, _noise(e, MECHANICS))
+    noise = _noise(e, MECHANICS)
     power = powers(e, rows.residual) - noise
     members = range(len(rows.members[0]))
     form = np.max([powers(e, [of_run[k] for of_run in rows.members]) for k in members], axis=0)
@@ -104,7 +104,7 @@ def in_the_drive(e: Evidence, residual: MeanResidual) -> UnknownTerm | None:
     after = drive_excess(e, residual)
     if not after:
         return None
-    power = powers(e, free_rows(e, residual, DRIVE).residual) - powers(e, _noise(e, DRIVE))
+    power = powers(e, free_rows(e, residual, DRIVE).residual) - _noise(e, DRIVE)
     share = min(after / (after + float(floor_of_means(e)[1])), 1.0)
     return UnknownTerm(BANDS, *_spectrum(e, power, DRIVE), share, block="drive")
 
@@ -180,9 +180,9 @@ def free_rows(e: Evidence, residual: MeanResidual, cut: int) -> FreeRows:
     return rows
 
 
-def _noise(e: Evidence, cut: int) -> list[Array]:
-    """(r, m) of each run: what the repeats' noise leaves in the mean of one cut."""
-    return [deviations[..., cut] for deviations in scatter(e)]
+def _noise(e: Evidence, cut: int) -> Array:
+    """Sum of squares (b,) that noise leaves in the means of one cut, within each band."""
+    return noise_of_all(e.runs, of_means=True) * powers(e, [deviations[..., cut] for deviations in scatter(e)])
 
 
 def edges_of(e: Evidence) -> Array:

@@ -68,10 +68,17 @@ def spread(nominal: stage.Friction) -> stage.Friction:
 
 
 def bristles(nominal: stage.Stage) -> list[friction_bristle.Bristle]:
-    """The bristles of the family, as large as the nominal friction."""
+    """The bristles of the family, as large as the nominal friction: of Dahl, and damped ones of LuGre."""
     coulomb, zone = size(nominal), length(nominal.friction)
-    return [
-        friction_bristle.Bristle(coulomb, coulomb / (share * zone), exponent, 0.0, nominal.friction.stribeck)
-        for exponent in thresholds.BRISTLE_EXPONENTS
+    shapes = [(exponent, 0.0) for exponent in thresholds.BRISTLE_EXPONENTS] + [(1.0, thresholds.BRISTLE_DAMPING)]
+    bristles = [
+        (friction_bristle.Bristle(coulomb, coulomb / (share * zone), exponent, 0.0, nominal.friction.stribeck), damping)
+        for exponent, damping in shapes
         for share in thresholds.BRISTLE_LENGTHS
     ]
+    return [p._replace(damping=damping * critical(p, nominal.mechanics.inertia)) for p, damping in bristles]
+
+
+def critical(p: friction_bristle.Bristle, inertia: float) -> float:
+    """Damping (N m s/rad | N s/m) of a bristle at rest with which an `inertia` no longer swings on it."""
+    return 2.0 * math.sqrt(p.stiffness * inertia)

@@ -19,7 +19,7 @@ from scipy.stats import t as student_t
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import least_squares, run_products
-from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.half_strokes import Run, noise_of_all, spans
 from stagectl.gap.residuals.run_products import RunProducts
 from stagectl.gap.residuals.thresholds import FLAT, LEAST_BLOCKS, SINGULAR_NUISANCE
 from stagectl.number_format import NORMAL as NORMAL
@@ -96,13 +96,26 @@ def grams(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     square, floor = (np.concatenate([run[k] for run in found], axis=1) for k in (0, 1))
     counts = [run.floor.shape[1] for run in found]
     stroke = np.concatenate([np.arange(count) for count in counts])
+    floor = _with_recorded_once(p, floor)
     return Grams(p.names, square[0], square[1], floor.T, np.repeat(np.arange(len(counts)), counts), stroke)
+
+
+def _with_recorded_once(p: Products, floor: Array) -> Array:
+    """`floor` (2, c) of all half strokes, with the noise of those that were recorded once: as much in each sample."""
+    runs = [part.run for part in p.parts]
+    samples = [[len(r.paths) * np.sum(r.weight[span] ** 2) for span in spans(r.cluster)] for r in runs]
+    each = np.concatenate(samples)
+    repeated = np.repeat([len(run.paths) > 1 for run in runs], [len(counts) for counts in samples])
+    known = float(each[repeated].sum())
+    rate = floor[:, repeated].sum(axis=1) / known if known else np.zeros(2)
+    return np.where(repeated, floor, rate[:, None] * each)
 
 
 def fold_sums(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     """`grams` summed over the two folds at once: all that a score needs, for a tenth of the work."""
     found = in_parallel(lambda run: run_products.of_folds(*run), list(zip(p.parts, residuals, strict=True)))
     square, floor = (np.sum([run[k] for run in found], axis=0) for k in (0, 1))
+    floor = floor * noise_of_all([part.run for part in p.parts])
     return Grams(p.names, square[0], square[1], floor.T, np.zeros(2, np.int64), np.array(FOLDS))
 
 
@@ -112,6 +125,7 @@ def noise(p: Products, residuals: Sequence[Sequence[Array]]) -> Array:
     squares = [run_products.differences(part, repeats) for part, repeats in pairs]
     widest = max(square.shape[1] for square in squares)  # a run without repeats has none of these columns
     summed = np.sum([square for square in squares if square.shape[1] == widest], axis=0)
+    summed = summed * noise_of_all([part.run for part in p.parts])
     return np.array([least_squares.fit(cut, range(widest - 1)).residual_sum_of_squares for cut in summed])
 
 

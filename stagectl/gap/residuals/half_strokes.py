@@ -31,6 +31,17 @@ class Run(NamedTuple):
         return len(self.mean.rows)
 
 
+def noise_of_all(runs: Sequence[Run], of_means: bool = False) -> float:
+    """The noise of all `runs` over that of the repeated ones, which their repeats tell; 1 where none was repeated.
+
+    A sample of a run that was recorded once has as much noise as any other.  `of_means`: the noise of the mean of the
+    repeats, else that of all repeats together.
+    """
+    noise = [(len(run.paths), np.sum(run.weight**2) * len(run.paths) ** (-1 if of_means else 1)) for run in runs]
+    known = sum(size for repeats, size in noise if repeats > 1)
+    return float(sum(size for _, size in noise) / known) if known else 1.0
+
+
 def known_from(position: Array, zone: float) -> int:
     """First row in which the friction's state no longer depends on earlier motion.
 

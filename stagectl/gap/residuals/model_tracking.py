@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stagectl.gap.logs.log_start import LogStart, of_log
 from stagectl.gap.logs.session import Array, Log
 from stagectl.gap.residuals.noise_at_rest import Spans, quiet
-from stagectl.gap.residuals.thresholds import SUBSTEPS, TICK, TRACKER_BANDWIDTH
+from stagectl.gap.residuals.thresholds import SUBSTEPS, TICK, TRACKER_BANDWIDTH, YIELD_TIME
 from stagectl.kernels import feedback, friction, stage, tracked_model
 
 
@@ -24,7 +24,7 @@ class MeasuredPath(NamedTuple):
     start: float  # s, session clock
     dt: float  # s
     sensed: Array | float = 0.0  # (n,) A, what of the current is noise of its sensor, as far as is known
-    still: bool = False  # whether the axis is known to stand at the first row
+    still: Spans = ()  # in which the axis is known to stand
     carried: float = 0.0  # A, under which it stands before the first row
 
     def __hash__(self) -> int:
@@ -36,7 +36,7 @@ class MeasuredPath(NamedTuple):
     @property
     def begins(self) -> LogStart:
         """How the log begins; what is left of the noise of a standing axis is no velocity."""
-        if self.still:
+        if any(begin == 0 for begin, _ in self.still):
             return LogStart(float(self.rows[0, 1]), self.start, (0.0, self.carried))
         return of_log(self.rows[:, 1], self.rows[:, 0], self.start, self.dt, self.carried)
 
@@ -45,7 +45,7 @@ class _Inputs(NamedTuple):
     """What every model is given along one path."""
 
     begins: LogStart
-    rows: Array  # (n, 2) command, and current as it is fed back (A)
+    rows: Array  # (n, 3) command, current as it is fed back (A), share that the bristle takes over
     line: Array  # (n, m) positions of m ticks (rad | m)
     current: Array  # (n,) A, as it was measured
     unknown: NDArray[np.bool_]  # (n,) where it was not
@@ -74,8 +74,7 @@ def at_rest(path: MeasuredPath, commanded: bool, still: Spans) -> MeasuredPath:
     apart = current - command
     known = command if commanded else quiet(command, still, path.dt)
     rows = np.column_stack([known, quiet(position, still, path.dt), current])
-    stands = any(begin == 0 for begin, _ in still)
-    return path._replace(rows=rows, sensed=apart - quiet(apart, still, path.dt), still=stands)
+    return path._replace(rows=rows, sensed=apart - quiet(apart, still, path.dt), still=still)
 
 
 def mean_path(paths: Sequence[MeasuredPath]) -> MeasuredPath:
@@ -118,8 +117,16 @@ def _inputs(path: MeasuredPath, late: int) -> _Inputs:
     """Of models whose encoder reports a position `late` (samples)."""
     command, position, current = path.rows.T
     line = places(position, late, ticks(path.dt))
-    rows = np.column_stack([command, current - path.sensed])
+    rows = np.column_stack([command, current - path.sensed, _taken_over(path)])
     return _Inputs(path.begins, rows, np.ascontiguousarray(line), current.copy(), np.isnan(current))
+
+
+def _taken_over(path: MeasuredPath) -> Array:
+    """Share (n,) of the tracker's correction that the bristle takes over in each row: only where the axis stands."""
+    share = np.zeros(len(path.rows))
+    for begin, end in path.still:
+        share[begin:end] = -math.expm1(-path.dt / YIELD_TIME)
+    return share
 
 
 def _that_carries(p: stage.Friction) -> stage.Friction:

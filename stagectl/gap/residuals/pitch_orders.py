@@ -79,10 +79,11 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) 
 
 
 def _fractional() -> NDArray[np.int64]:
-    """Orders that are not whole, in steps."""
+    """Orders of a ball pass, in steps: all but those that belong to the lead."""
     steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.HIGHEST_FRACTIONAL + 1)
-    whole = thresholds.ORDERS_PER_WHOLE
-    return steps[np.abs(steps - whole * np.round(steps / whole)) >= thresholds.APART_FROM_WHOLE]
+    lead = thresholds.ORDERS_PER_WHOLE * np.array(thresholds.LEAD_ORDERS)
+    kept: NDArray[np.int64] = steps[np.abs(steps[:, None] - lead).min(axis=1) >= thresholds.APART_FROM_LEAD]
+    return kept
 
 
 def _with_line(orders: tuple[float, ...], found: Lines) -> tuple[float, ...]:

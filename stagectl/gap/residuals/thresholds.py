@@ -11,6 +11,10 @@ TRACKER_BANDWIDTH = 0.02
 # 64 Hz, friction held the model on the spot where the joint moved by 3 mrad/s.  Halved: the joint's answer is the
 # same, and of a motor polled at 431 Hz the cogging is found without its multiples, as noise grows with the bandwidth.
 TICK = 1e-3
+# s in which the bristle of a standing axis takes over what the tracker has to hold: four time constants of the tracker.
+# Of a Dahl stage with its true law, what is left unexplained is a fifth of that without; 0.9 and 1.2 times as much with
+# half and twice the time.
+YIELD_TIME = 0.01
 SUBSTEPS = 4  # integration steps per period; effects stiffer than rolling friction take more by themselves
 # Integration steps per period for sensitivities: both simulations of a difference share their integration error, so
 # that half as many suffice.
@@ -50,6 +54,7 @@ SHORTEST_SLIP, LONGEST_SLIP = 0.4, 3.0  # of the nominal law's shortest and long
 DISTINCT_SLIPS = 0.4  # logarithm of the ratio of two slips: below it they count as one element
 BRISTLE_EXPONENTS = (0.5, 1.0, 2.0)  # of Dahl's law
 BRISTLE_LENGTHS = (0.04, 0.12, 0.35)  # share of the rolling zone: Coulomb force over stiffness of a bristle
+BRISTLE_DAMPING = 0.3  # of critical damping, of the bristles of LuGre; chosen
 UNLOADED_CURRENT = 0.01  # A: its force replaces the friction as a unit where the model has no friction
 REVERSED = 0.95  # share of the friction that has reversed at the end of the rolling zone
 
@@ -69,7 +74,7 @@ FAST_ROWS = 0.99  # share of the rows whose speed is no larger than the one that
 BINS_PER_PERIOD = 16  # of the position, in a periodogram: 0.6 % of a line at the highest order is lost
 PEAKS = 3  # strongest orders or resonances of each kind that become candidates
 ORDERS_PER_WHOLE = 20  # steps between two whole orders, for effects whose order need not be whole
-APART_FROM_WHOLE = 2  # of these steps that such an order lies off a whole one
+APART_FROM_LEAD = 2  # of these steps that an order of a ball pass lies off those of the lead
 LOWEST_FRACTIONAL, HIGHEST_FRACTIONAL = 26, 600  # of these steps, orders of a ball pass: 1.3 to 30
 ORDERS_APART = 0.5  # orders between two ball-pass candidates
 LEAD_ORDERS = (2.0, 3.0)  # orders at which the friction of a lead may vary

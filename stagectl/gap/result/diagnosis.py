@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 VERDICTS = ("none", "parameters", "effects", "effects+unknown", "unknown", "controller", "not-identifiable")
 BLOCKS = (CONTROLLER, DRIVE, MECHANICS, SENSOR)  # of the signal chain, in its order
 PARAMETERS = "parameters"  # all shifted parameters together, among the shares
+FORM = "form of the rolling friction"  # among the shares: the curve of the law, whatever its size
 UNEXPLAINED, NOISE = "repeatable but unexplained", "not repeatable"  # names among the shares
 NAMED = 0.5  # probability from which an effect counts as named: more likely there than not
 
@@ -128,7 +129,7 @@ class DiagnosisResult(NamedTuple):
     blocks: dict[str, float | None]  # excess share of each of BLOCKS; None: not judged
     coordinates: tuple[Coordinate, ...]
     captures: tuple[Spans, ...]
-    shares: tuple[tuple[str, float], ...]  # parameters | each effect | UNEXPLAINED | NOISE; together 1
+    shares: tuple[tuple[str, float], ...]  # parameters | FORM | each effect | UNEXPLAINED | NOISE; together 1
     parts: tuple[Part, ...] = ()  # whose the gap is
     next_experiment: NextExperiment | None = None
     unknown: UnknownTerm | None = None
@@ -144,11 +145,17 @@ class DiagnosisResult(NamedTuple):
     reason: str = ""  # a sentence: the fault of the controller, or why nothing is identifiable
     impossible: tuple[tuple[str, str], ...] = ()  # (one of BLOCKS, why it could not be judged)
     judged_on: str = HELD_OUT  # what the gaps are of
+    friction: Fields = ()  # the law of the improved model; empty where its form takes nothing of the gap
 
     @property
     def travel(self) -> Travel:
         """How positions of this axis are shown."""
         return Travel(self.travel_per_unit, self.travel_unit, self.kind == "rotary")
+
+    @property
+    def writes(self) -> bool:
+        """Whether a stage file can hold anything of it."""
+        return bool(self.friction) or any(effect.fields for effect in self.named)
 
     @property
     def named(self) -> tuple[FoundEffect, ...]:

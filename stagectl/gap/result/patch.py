@@ -19,12 +19,12 @@ from stagectl.config.stage_file import load_stage
 from stagectl.config.unit_format import hint_at
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.logs.session import GapError
-from stagectl.gap.result.diagnosis import DiagnosisResult, Fields, FoundEffect, Setting
+from stagectl.gap.result.diagnosis import FORM, DiagnosisResult, Fields, FoundEffect, Setting
 from stagectl.number_format import portion
 
 _SAME = 1e-6  # relative difference up to which two numbers are the same; that of numbers in a stage file
 _ELEMENTS = {"law", "weight", "slip"}
-_UNKNOWN = "unknown"  # the unexplained part among the names that `--only` takes
+_UNKNOWN, _FORM = "unknown", "friction_form"  # among the names that `--only` takes: the unexplained, the law's curve
 
 
 class PatchError(GapError):
@@ -125,16 +125,19 @@ def parts(result: DiagnosisResult, only: Sequence[str] = (), unknown: bool = Fal
     Raises PatchError where nothing is, or where `only` names what the diagnosis has not found.
     """
     known = [effect.name for effect in result.effects] + ([_UNKNOWN] if result.unknown is not None else [])
+    known += [_FORM] if result.friction else []
     strange = [name for name in only if name not in known]
     if strange:
         listed = ", ".join(known) or "no effect"
         raise PatchError(f"--only {strange[0]}: the diagnosis has found {listed}", "--only", strange[0])
     wanted = [effect for effect in result.effects if effect.name in only] if only else list(result.named)
     chosen = [Part(effect.name, _reason(effect), effect.fields) for effect in wanted if effect.fields]
+    if result.friction and (_FORM in only or not only):
+        chosen.append(Part(_FORM, f"{FORM}: the curve of its law", result.friction))
     omitted = [f"{effect.name}: not written, it has no place in a stage file" for effect in wanted if not effect.fields]
     term = result.unknown
     if term is not None and not term.fields:
-        omitted.append("unknown: not written, no coordinate of a stage file holds it")
+        omitted.append("unknown: not written, a stage file has no term for it")
     elif term is not None and (unknown or _UNKNOWN in only):
         over = coordinate_label(term.coordinate)
         chosen.append(Part(_UNKNOWN, f"a data-based term over {over}, its cause is not known", term.fields))

@@ -18,7 +18,7 @@ NAME = "diagnosis.json"
 _LARGEST = 50_000_000  # bytes of a file; a diagnosis has some 100 kB
 _KEYS = (
     *("verdict", "sentence", "reason", "effects", "gap", "gaps", "where", "shares", "next_experiment", "unknown"),
-    *("doubts", "notes", "cannot_tell", "axis", "seconds"),
+    *("doubts", "notes", "cannot_tell", "axis", "seconds", "friction"),
 )
 _GROUPS: Mapping[str, tuple[str, ...]] = {  # fields of the diagnosis that are one object
     "where": ("blocks", "parts", "impossible", "coordinates", "captures"),

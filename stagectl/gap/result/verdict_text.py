@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from stagectl.gap.effects.library import coordinate_label, label
-from stagectl.gap.result.diagnosis import UNEXPLAINED, DiagnosisResult, FoundEffect, Gap, UnknownTerm
+from stagectl.gap.result.diagnosis import FORM, NOISE, UNEXPLAINED, DiagnosisResult, FoundEffect, Gap, UnknownTerm
 from stagectl.number_format import Travel, length, percent, portion, three_digits, together
 
 MOST = 3  # effects in the sentence, parameters in it, and spans in a line; chosen for one line each
@@ -15,12 +15,23 @@ _TOGETHER = 0.5  # of a force's power, within `_NARROW` of its top: most of it l
 _NARROW = 0.04  # of the stroke, to either side: a force that lies closer together has a place; chosen
 _SMALL = 0.005  # share of the gap below which its size is not stated
 _LIKELY = 0.3  # probability from which an effect that is not named is mentioned
+FORM_SHARE = 0.02  # of the closable gap: a form of the friction that takes less is neither stated nor written; chosen
 _BEYOND = 0.05  # by which a share may lie below 0 or above 1 and still be stated by itself; chosen
 
 
 def sentence(result: DiagnosisResult) -> str:
-    """The verdict, then the gap before and after, and the noise floor."""
-    return f"{_VERDICTS[result.verdict](result)} {_distance(result)}".strip()
+    """The verdict, then the part of the friction's form, the gap before and after, and the noise floor."""
+    parts = (_VERDICTS[result.verdict](result), _form(result), _distance(result))
+    return " ".join(filter(None, parts))
+
+
+def _form(result: DiagnosisResult) -> str:
+    """What the curve of the rolling friction takes, whatever its size; where its length is named, that has it."""
+    if not result.friction or any(effect.name == "presliding" for effect in result.named):
+        return ""
+    shares = dict(result.shares)
+    share = shares.get(FORM, 0.0) / max(1.0 - shares.get(NOISE, 0.0), 1e-9)
+    return f"{capital(portion(share))} of the closable gap is the {FORM}."
 
 
 def _none(result: DiagnosisResult) -> str:
@@ -33,6 +44,8 @@ def _none(result: DiagnosisResult) -> str:
         return "Repeats of one experiment differ by more than the model does: they are not of one machine in one state."
     if _at_floor(result, gap.before):
         return "The model agrees with the machine: these logs show no missing effect and no parameter error."
+    if result.friction:
+        return "No effect of the library and no parameter stands out in these logs."
     if (gap.closure if np.isnan(gap.low) else gap.low) > _MOSTLY:
         return (
             "The model is off, but these logs do not show which of its parameters is: fitted together, they close "
@@ -214,7 +227,7 @@ def _distance(result: DiagnosisResult) -> str:
     if result.verdict == "controller" or np.isnan(gap.before):
         return ""
     (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, result.travel)
-    unchanged = result.verdict == "none"
+    unchanged = result.verdict == "none" and not result.friction
     size = f"{before} {unit}" if unchanged else f"{before} -> {after} {unit}"
     if gap.effort:
         size += f" ({percent((gap.before if unchanged else gap.after) / gap.effort)} of the effort)"
@@ -225,8 +238,11 @@ def _distance(result: DiagnosisResult) -> str:
 
 
 def _shrinks(result: DiagnosisResult) -> bool:
+    return shrinks(result.gap)
+
+
+def shrinks(gap: Gap) -> bool:
     """Whether the gap of the held-out runs decreases: significantly, where its interval is known."""
-    gap = result.gap
     return gap.after < gap.before if np.isnan(gap.low) else gap.low > 0.0
 
 

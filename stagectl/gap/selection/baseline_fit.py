@@ -268,4 +268,4 @@ def _with_force(
     if not coulomb:
         return friction_bristle.NEUTRAL
     shape = bristle if bristle.coulomb else member
-    return shape._replace(coulomb=coulomb, stiffness=shape.stiffness * coulomb / shape.coulomb)
+    return friction_bristle.scaled(shape, coulomb / shape.coulomb)

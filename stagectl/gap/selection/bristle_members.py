@@ -47,7 +47,7 @@ def members(nominal: stage.Stage) -> list[Direction]:
 
 def member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
     """The bristle `p`, as strong as `size` (N m | N)."""
-    bristle = p._replace(coulomb=size, stiffness=p.stiffness * size / p.coulomb)
+    bristle = friction_bristle.scaled(p, size / p.coulomb)
     return Direction(name, lambda m: put(m, BRISTLE, bristle), size)
 
 

@@ -1,4 +1,4 @@
-"""The bristle of the base fitted in range and exponent as well, together with all other parameters of the base.
+"""The bristle of the base fitted in range, exponent and damping as well, with all other parameters of the base.
 
 Where the nominal friction is another law, the model does not stay on the measured path in its rolling zone, so that
 columns around it tell little of a bristle's shape.  Around a model that has the bristle they do.
@@ -12,6 +12,7 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import gram_matrices
+from stagectl.gap.residuals.friction_family import critical
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import (
     Direction,
@@ -25,7 +26,7 @@ from stagectl.gap.selection import baseline_fit, bristle_members, priors, thresh
 from stagectl.gap.selection.baseline_fit import BaselineFit
 from stagectl.kernels.fields import put
 
-SHAPES = ("shape_length", "shape_exponent")  # logarithms
+SHAPES = ("shape_length", "shape_exponent", "shape_damping")  # logarithms; share of the bristle's critical damping
 _MOST = math.log(thresholds.SHAPE_FACTOR)
 
 
@@ -57,7 +58,7 @@ def _stepped(
     columns = all_columns(fit.model, runs, [*free, *_of_bristle(fit, member)], fit.noise)
     g = gram_matrices.fold_sums(gram_matrices.products(runs, columns, baseline_fit.START), fit.after)
     weight = priors.temper(g, names, fit.prior)
-    limits = np.concatenate([fit.prior.limits(fit.model, names), np.tile([-_MOST, _MOST], (len(SHAPES), 1))])
+    limits = np.concatenate([fit.prior.limits(fit.model, names), _shape_limits(fit.model)])
     step = priors.bounded_step(g, [*names, *SHAPES], limits, fit.prior.informed(fit.model, names), weight).move
 
     def cost(fit: BaselineFit) -> float:
@@ -79,12 +80,22 @@ def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:
     ]
 
 
+def _shape_limits(m: TrackedModel) -> Array:
+    """(3, 2) how far a step may take the shape."""
+    damped = m.stage.friction.bristle.damping / critical(m.stage.friction.bristle, m.stage.mechanics.inertia)
+    return np.array([[-_MOST, _MOST], [-_MOST, _MOST], [-damped, thresholds.DAMPING_STEP]])
+
+
 def _bent(m: TrackedModel, move: Mapping[str, float]) -> TrackedModel:
-    """`m` with its bristle in another range and exponent, as strong as before."""
+    """`m` with its bristle in another shape, as strong as before."""
     p = m.stage.friction.bristle
-    length, exponent = (math.exp(move.get(name, 0.0)) for name in SHAPES)
-    exponent = float(np.clip(p.exponent * exponent, *thresholds.EXPONENTS))
-    return put(m, bristle_members.BRISTLE, p._replace(stiffness=p.stiffness / length, exponent=exponent))
+    length, exponent, damping = (move.get(name, 0.0) for name in SHAPES)
+    shape = p._replace(
+        stiffness=p.stiffness / math.exp(length),
+        exponent=float(np.clip(p.exponent * math.exp(exponent), *thresholds.EXPONENTS)),
+        damping=max(p.damping + damping * critical(p, m.stage.mechanics.inertia), 0.0),
+    )
+    return put(m, bristle_members.BRISTLE, shape)
 
 
 def _with_columns(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> BaselineFit:

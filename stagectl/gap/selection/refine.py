@@ -8,7 +8,7 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
-from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.half_strokes import Run, noise_of_all
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
 from stagectl.gap.selection import baseline_fit, bristle_members, constants, effect_parameters, priors, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
@@ -68,8 +68,8 @@ def total(e: Evidence, residuals: list[list[Array]]) -> float:
 
 
 def floor(e: Evidence) -> float:
-    """Sum of squares that repeats differ by."""
-    return sum(
+    """Sum of squares that repeats differ by, with as much for what was recorded once."""
+    return noise_of_all(e.runs) * sum(
         float(np.sum((deviation * run.weight[:, None]) ** 2)) * len(repeats) / max(len(repeats) - 1, 1)
         for repeats, run in zip(e.deviations, e.runs, strict=True)
         for deviation in repeats

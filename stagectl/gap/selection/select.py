@@ -20,7 +20,7 @@ from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.established import Say, Selection, established
-from stagectl.gap.selection.linearised import Library
+from stagectl.gap.selection.linearised import Cuts, Library, Linearised
 from stagectl.gap.selection.material import adequate, at_bound, explains, nearly_all, refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.starting_places import Starts, bends, starting_places
@@ -98,13 +98,16 @@ def _that_stands(e: Evidence, library: Library, now: Fitted, after: Fitted) -> F
 def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
     """Whether the mechanics that `after` adds to `now` explain about as much as any function of one coordinate.
 
-    They may leave more than the function does, by an error of their form, or what no function predicts.
+    They may leave more than the function does, by an error of their form, or what no function predicts.  Next to a
+    function they have to explain most of what it leaves, unless they drift: a smaller part may be the function's own
+    error of form, which repeats.
     """
-    predicted = library.predict(e, now)
-    if not predicted.cuts[0] or all(valued.effect.block == DRIVE for valued in _added(now, after)):
+    predicted, added = library.predict(e, now), _added(now, after)
+    may_be_form = e.beside is not None and not any(valued.effect.time_variation for valued in added)
+    if all(valued.effect.block == DRIVE for valued in added) or not (may_be_form or predicted.cuts[0]):
         return True
     before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
-    if not adequate(before, left, predicted.cuts[0]):
+    if not adequate(before, left, before if may_be_form else predicted.cuts[0]):
         return False
     if left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - predicted.share) * before:
         return True
@@ -137,32 +140,47 @@ def _first_of(
 
 
 def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
-    """`now` with one effect of whatever size that explains most of what is missing; None where nothing is or does."""
+    """`now` with effects of whatever size that explain most of what is missing; None where nothing is or does.
+
+    Two may be missing, each about as much: either alone explains too little, so the most probable set comes first.
+    """
     at = linearised.linearised(e, library, now, traces=False)
-    singles = {item: p for item, p in at.verdict.of_sets().items() if len(item) == 1}
-    single = max(singles, key=singles.__getitem__, default=frozenset[str]())
-    if singles.get(single, 0.0) <= at.empty:
-        return None
-    best, predicted = at.verdict.best(single), library.predict(e, now).cuts
+    sets, predicted = at.verdict.of_sets(), library.predict(e, now).cuts
+    single = next((item for item in sets if len(item) == 1), frozenset[str]())
+    for effects in dict.fromkeys((next(iter(sets)), single)):
+        fitted = _fitted(e, now, at, effects, predicted, tried) if sets.get(effects, 0.0) > at.empty else None
+        if fitted is not None and _explain(e, library, now, fitted, at, predicted):
+            return _that_stands(e, library, now, fitted)
+    return None
+
+
+def _fitted(
+    e: Evidence, now: Fitted, at: Linearised, effects: frozenset[str], predicted: Cuts, tried: Starts
+) -> Fitted | None:
+    """`now` with `effects`, refined; None where their columns promise too little, and do not bend."""
+    best = at.verdict.best(effects)
     added = at.values(best)
-    bent = any(bends(valued.effect) for valued in added)  # away from its place on the grid, its column explains little
-    if not bent and not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
+    if not _bent(added) and not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
         return None
-    after = _grown(e, now, added, _if_bent(added, tried))
-    if after is None:
-        return None
+    return _grown(e, now, added, _if_bent(added, tried))
+
+
+def _explain(e: Evidence, library: Library, now: Fitted, after: Fitted, at: Linearised, predicted: Cuts) -> bool:
+    """Whether what `after` adds to `now` explains most of what is missing, or is most probable where it was found."""
     left = linearised.excess(e, library, after)
-    fits = nearly_all(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted)
-    fits = fits or (bent and _most_probable(e, library, now, after))
-    return _that_stands(e, library, now, after) if fits else None
+    if nearly_all(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted):
+        return True
+    return _bent(_added(now, after)) and _most_probable(e, library, now, after)
 
 
 def _most_probable(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
-    """Whether what `after` adds to `now` is in the most probable set, with its refined values as a place on the grid.
+    """Whether the effect that `after` adds to `now` is in the most probable set, its refined values on the grid.
 
     Away from its values, the column of an effect that bends explains little.
     """
-    added = _added(now, after)[0]
+    added, *others = _added(now, after)
+    if others:
+        return False
     likeliest = next(iter(linearised.linearised(e, library, now, added).verdict.of_sets()))
     return added.effect.name in likeliest
 
@@ -185,7 +203,12 @@ def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequ
 
 
 def _if_bent(added: Sequence[EffectValues], tried: Starts) -> Sequence[EffectValues]:
-    return tried() if any(bends(valued.effect) for valued in added) else ()
+    return tried() if _bent(added) else ()
+
+
+def _bent(added: Sequence[EffectValues]) -> bool:
+    """Whether the column of one of them explains little away from its place on the grid."""
+    return any(bends(valued.effect) for valued in added)
 
 
 def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> list[EffectValues]:

@@ -18,7 +18,7 @@ from stagectl.gap.residuals.least_squares import residual_sum_of_squares
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import BAND
 from stagectl.gap.residuals.whitening import Whitener
-from stagectl.gap.result.diagnosis import NOISE, PARAMETERS, UNEXPLAINED, Gap, Trace
+from stagectl.gap.result.diagnosis import FORM, NOISE, PARAMETERS, UNEXPLAINED, Gap, Trace
 from stagectl.gap.selection import priors, refine
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.established import Selection
@@ -27,7 +27,7 @@ from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.gap.validation.thresholds import BLOCKS, OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.fields import put
-from stagectl.kernels.stage import Stage
+from stagectl.kernels.stage import Friction, Stage, scaled_friction, sliding
 from stagectl.units import unit_on
 
 
@@ -128,28 +128,38 @@ def along_the_path(session: Session, e: Evidence, selected: Selection, improved:
 def _worth(
     session: Session, selected: Selection, improved: Stage, remaining: Callable[[TrackedModel], Array], gap: Gap
 ) -> tuple[dict[str, float], str]:
-    """Shares of the squared gap before: parameters, effects, the unexplained, noise; and the effect that is refuted.
+    """Shares of the squared gap before: parameters, the form of the friction, effects, the unexplained, noise.
 
-    `remaining` gives the sums of squares (k,) that a model leaves of each experiment.  What only the table of
-    `improved` takes is unexplained.
+    Also the effect that is refuted.  `remaining` gives the sums of squares (k,) that a model leaves of each experiment.
+    What only the table of `improved` takes is unexplained.
     """
     now, nominal = selected.fitted, sensitivities.model_of(session.stage, session.dt)
     tables = [UNEXPLAINED] if improved.residual is not session.stage.residual else []
     names = [valued.effect.name for valued in now.effects]
+    form = [FORM] if all(sliding(model.stage.friction) > 0.0 for model in (now.model, nominal)) else []
 
     @functools.cache
     def of(members: frozenset[str]) -> Array:
         model = now.model if PARAMETERS in members else nominal
+        if form:
+            model = put(model, "stage.friction", _rubbing(model, now.model if FORM in members else nominal))
         if UNEXPLAINED in members:
             model = put(model, "stage.residual", improved.residual)
         return remaining(equipped(model, [fitted for fitted in now.effects if fitted.effect.name in members]))
 
-    players = [PARAMETERS, *names, *tables]
+    players = [PARAMETERS, *form, *names, *tables]
     shares = scaled(shapley(players, lambda members: float(of(members).sum())), gap)
     whole = frozenset(players)
     # No loop has the function that the others stand next to.
     judged = [name for name in names if name not in selected.beside]
     return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in judged})
+
+
+def _rubbing(size: TrackedModel, form: TrackedModel) -> Friction:
+    """The friction of the model `size`, with the law of the model `form` scaled to it."""
+    p, law = size.stage.friction, form.stage.friction
+    law = scaled_friction(law, sliding(p) / sliding(law))
+    return p._replace(operators=law.operators, bristle=law.bristle)
 
 
 def most_harmful(wider: Mapping[str, Array]) -> str:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.gap.effects.library import coordinate_label, label
-from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
+from stagectl.gap.result.diagnosis import FORM, NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
 from stagectl.report.constants import FLAT, LABEL_CHARACTERS, LEAST_SHARE, MOST_ROWS, SHOWN_SHARE, WINDOW
 from stagectl.report.figures import (
     TARGET,
@@ -27,7 +27,7 @@ from stagectl.report.panels import DPI as DPI
 Array = NDArray[np.float64]
 WIDTH = 5.4  # inch: two fit side by side
 _GREY, _PALE = "#94a3b8", "#e2e8f0"
-_COLOURS = {"parameters": TARGET, UNEXPLAINED: WITHOUT, NOISE: "#cbd5e1"}  # of shares; of an effect: WITH
+_COLOURS = {"parameters": TARGET, FORM: TARGET, UNEXPLAINED: WITHOUT, NOISE: "#cbd5e1"}  # of shares; of an effect: WITH
 
 
 def drawings(result: DiagnosisResult) -> dict[str, Callable[[], Figure]]:

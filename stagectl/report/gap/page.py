@@ -164,9 +164,9 @@ def _following(result: DiagnosisResult, place: str) -> list[Section]:
     if result.next_experiment is not None and result.next_experiment.trajectory:
         lines.append("The command gap next writes it, and prints the commands that run it and diagnose again.")
         commands = [f"stagectl gap next {place}"]
-    if any(effect.fields for effect in result.named):
+    if result.writes:
         lines.append(
-            "The command gap apply adds the named effects to the stage file. It shows the patch before it writes."
+            "The command gap apply writes what was found into the stage file. It shows the patch before it writes."
         )
         commands.append(f"stagectl gap apply {place} {_ANY_STAGE}")
     title = "Ambiguities and next steps" if ambiguous else "Next steps"

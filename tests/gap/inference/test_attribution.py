@@ -18,7 +18,7 @@ REST = (Part(UNEXPLAINED, "mechanics", "none", 0.15), Part(UNEXPLAINED, "drive",
 
 def evidence(before: float, after: float) -> Any:
     """Residual efforts whose sums of squares are these, in one run of four rows without noise."""
-    run = SimpleNamespace(weight=np.ones(4))
+    run = SimpleNamespace(weight=np.ones(4), paths=(None,))
 
     def rows(square: float) -> Any:
         return [[np.column_stack([np.full(4, np.sqrt(square / 4.0)), np.zeros(4)])]]

@@ -33,7 +33,7 @@ def test_a_column_that_is_hardly_excited_is_drawn_to_zero_and_a_nuisance_is_not(
 
 def evidence(*deviations: float) -> Any:
     """One run of ten rows whose repeats deviate by these."""
-    run = SimpleNamespace(weight=np.ones(10))
+    run = SimpleNamespace(weight=np.ones(10), paths=(None,) * len(deviations))
     return SimpleNamespace(runs=[run], deviations=[[np.full((10, 2), x) for x in deviations]])
 
 
@@ -55,7 +55,7 @@ def test_a_resonance_lies_in_a_band(frequency: float, share: float) -> None:
     signal = np.sin(2.0 * np.pi * frequency * 1e-3 * np.arange(rows))
     residual = np.stack([signal, np.zeros(rows)], axis=1)
     mean = SimpleNamespace(dt=5e-4, rows=np.zeros((2 * rows, 3)))
-    run = SimpleNamespace(weight=np.ones(rows), mean=mean)
+    run = SimpleNamespace(weight=np.ones(rows), mean=mean, paths=(None,))
     e: Any = SimpleNamespace(
         runs=[run, run], base=SimpleNamespace(after=[[residual]] * 2), deviations=[[np.zeros((rows, 2))]] * 2
     )

@@ -18,7 +18,7 @@ DT = 5e-4
 def evidence(mechanics: float, drive: float, measured: bool = True, repeats: int = 2) -> Any:
     """Residuals of these sizes in one run of 100 rows, without noise."""
     rows = np.ones((1, 3)) if measured else np.array([[1.0, 1.0, np.nan]])
-    run = SimpleNamespace(weight=np.ones(100), mean=SimpleNamespace(rows=rows))
+    run = SimpleNamespace(weight=np.ones(100), mean=SimpleNamespace(rows=rows), paths=(None,) * repeats)
     residual = np.tile([mechanics, drive], (100, 1))
     base = SimpleNamespace(before=[[residual] * repeats])
     deviations = [[np.zeros((100, 2))] * repeats]
