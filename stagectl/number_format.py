@@ -9,7 +9,7 @@ NORMAL = 1.96  # standard deviations on either side of a mean that hold 95 % of 
 _ROUNDS_UP = 0.9995  # of a prefix's unit, from which three digits round to one
 _SMALL = 1e-12  # below it a number has no prefix
 _MOST_PLACES = 6  # decimal places
-_FREE = 7  # decimal places from which a number is written to four digits
+_FREE = 7  # decimal places from which a number may have an exponent
 _PREFIXES = (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))  # and how many of its units are one
 _ANGLE = "phase"  # word in the name of a parameter in rad that is no position of the axis
 _PREFIXED = ("m", "s", "A", "m/s", "rad")  # units that take a prefix
@@ -115,8 +115,7 @@ def interval(name: str, estimate: Estimate, travel: Travel) -> str:
     places = _decimals(estimate, scale)
     value, low, high = (_rounded(x / scale, places) for x in (estimate.value, estimate.low, estimate.high))
     shown = f"{value} {unit}".rstrip()
-    known = math.isfinite(estimate.low) and math.isfinite(estimate.high)
-    return f"{shown} ({low} to {high})" if known else shown
+    return shown if places is None else f"{shown} ({low} to {high})"
 
 
 def three_digits(name: str, estimate: Estimate, travel: Travel) -> str:
@@ -125,14 +124,17 @@ def three_digits(name: str, estimate: Estimate, travel: Travel) -> str:
     return f"{estimate.value / scale:.3g} {unit}".rstrip()
 
 
-def _rounded(value: float, places: int) -> str:
-    return f"{value:.{places}f}" if math.isfinite(value) and places < _FREE else f"{value:.4g}"
+def _rounded(value: float, places: int | None) -> str:
+    if places is None or not math.isfinite(value) or not value:
+        return f"{value:.4g}"
+    digits = max(places + 1 + math.floor(math.log10(abs(value))), 1)  # as many, where the number has an exponent
+    return f"{value:.{places}f}" if places < _FREE else f"{value:.{digits}g}"
 
 
-def _decimals(estimate: Estimate, scale: float) -> int:
-    """Decimal places: two digits of the half width of the interval; `_FREE` where there is no interval."""
+def _decimals(estimate: Estimate, scale: float) -> int | None:
+    """Decimal places: two digits of the half width of the interval; None where there is no interval, or of no width."""
     half = 0.5 * (estimate.high - estimate.low) / scale
-    return max(0, 1 - math.floor(math.log10(half))) if math.isfinite(half) and half > 0.0 else _FREE
+    return max(0, 1 - math.floor(math.log10(half))) if math.isfinite(half) and half > 0.0 else None
 
 
 def _unit(name: str, estimate: Estimate, travel: Travel) -> tuple[float, str]:

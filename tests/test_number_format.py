@@ -36,5 +36,7 @@ def test_parameters_have_the_digits_of_their_interval() -> None:
     for name in ("phase", "second_phase", "phase_1"):
         assert interval(name, Value(1.2, 1.05, 1.35, "rad"), TRAVEL) == "1.20 rad (1.05 to 1.35)"
     assert interval("slip", Value(2.0 * MICRON, 1.9 * MICRON, 2.1 * MICRON, "rad"), TRAVEL) == "2.00 µm (1.90 to 2.10)"
-    assert interval("order", Value(4.0, 4.0, 4.0, ""), TRAVEL) == "4 (4 to 4)"
+    assert interval("order", Value(4.0, 4.0, 4.0, ""), TRAVEL) == "4"
+    inertia = Value(0.010199, 0.0101968, 0.0102012, "kg m^2")
+    assert interval("inertia", inertia, TRAVEL) == "0.010199 kg m^2 (0.0101968 to 0.0102012)"
     assert interval("rise", Value(0.3, -math.inf, math.inf, ""), TRAVEL) == "0.3"

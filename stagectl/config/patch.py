@@ -28,6 +28,10 @@ from stagectl.problem import Problem, ProblemKind
 from stagectl.replacing import check_file_to_be, replaced
 from stagectl.units import StageError, UnitError, quantity_of
 
+_REFUSED = (
+    "nothing is written, as the changed stage would be refused; change this in the stage file first, then repeat the "
+    "command:"
+)
 _ON_ONE_LINE = 100_000  # characters, more than any block has
 KEPT: Any = object()  # the value of an entry that stays as it is while its block becomes another one
 _NUMBER = re.compile(r"[+-]?[0-9.]+(e[+-]?[0-9]+)?", re.IGNORECASE)
@@ -265,5 +269,5 @@ def replace_file(target: Path, content: bytes, check: Callable[[Path], object]) 
         reason = f"{target} cannot be written: {error.strerror or error}; it is as it was"
         raise ConfigError(Problem(reason, ProblemKind.FILE, file=target)) from error
     except StageError as error:
-        reasons = (p._replace(file=target) if p.file == fresh else p for p in error.problems)
-        raise ConfigError("nothing is written, as the changed stage would be refused:", *reasons) from error
+        reasons = (p._replace(file=None, line=0) if p.file == fresh else p for p in error.problems)  # on no disk
+        raise ConfigError(_REFUSED, *reasons) from error

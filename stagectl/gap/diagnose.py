@@ -49,6 +49,7 @@ from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED
 from stagectl.gap.steps import Progress, Step, StepTimer
 from stagectl.gap.validation import shares
+from stagectl.gap.validation.closure import unjudged
 from stagectl.gap.validation.validate import confirmed
 from stagectl.identification.thresholds import LEAST_ENCODER_STEPS
 from stagectl.kernels.stage import Stage, sliding
@@ -192,10 +193,8 @@ def _borne_out(
 def _answer(session: Session, said: Held) -> DiagnosisResult:
     conclusions, location, closure = said.conclusions, said.location, said.validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open or said.refuted else None)
-    effects = [
-        confirmed(effect, closure, said.selected.beside)
-        for effect in shares.of_effects(conclusions.effects, closure.shares)
-    ]
+    spared = unjudged(session, said.selected)
+    effects = [confirmed(effect, closure, spared) for effect in shares.of_effects(conclusions.effects, closure.shares)]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
     return _empty(session, verdict)._replace(

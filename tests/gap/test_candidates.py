@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.selection import candidates, established
@@ -41,3 +43,15 @@ def test_no_frequency_is_tried_that_no_row_tells() -> None:
         assert max(grids[0]) <= 50.0 and set(grids[0]) <= {*grids[1], 50.0}
         assert [ring.high for ring in rings] == [50.0, 2000.0]
     assert "compliance" not in {each.name for each in definitions(SIZE._replace(dt=0.2))}
+
+
+@pytest.mark.parametrize(
+    ("order", "wave", "motor"), [(8.0, 24.0, True), (6.0, 4.0, True), (7.0, 24.0, False), (8.2, 24.0, False)]
+)
+def test_a_whole_order_of_a_motor_s_wave_is_no_ball_pass(order: float, wave: float, motor: bool) -> None:
+    """A motor has more harmonics than the model holds: what they leave is not friction."""
+    size = SIZE._replace(orders={"ball_pass_ripple": (order,), "current_ripple": (wave,)})
+    of = {effect.name: effect for effect in definitions(size)}
+    (form,) = candidates.forms([of["ball_pass_ripple"]])
+    ripple = EffectValues(of["current_ripple"], {"order": wave, "sine": 0.01, "cosine": 0.0})
+    assert candidates.of_the_motor(form, [ripple]) == motor and not candidates.of_the_motor(form, [])

@@ -165,10 +165,26 @@ def test_values_that_cannot_be(folder: Path, block: str, key: str, value: Any, r
     assert rule in error.rule
 
 
-def test_a_misspelt_key_is_noted_with_the_nearest_one(folder: Path) -> None:
-    edit(folder / "nominal.yaml", lambda nominal: nominal["stage"].update(pich=6.28))
-    (note,) = load([folder]).notes
-    assert "stage.pich" in note and note.endswith("pitch?")
+@pytest.mark.parametrize(
+    ("block", "key", "meant"),
+    [("stage", "pich", "pitch"), ("", "contoller", "controller"), ("friction.stribeck", "velocty", "velocity")],
+)
+def test_a_misspelt_key_is_noted_with_the_nearest_one(folder: Path, block: str, key: str, meant: str) -> None:
+    def misspelt(nominal: dict[str, Any]) -> None:
+        nominal["friction"]["stribeck"] = {"rise": 0.1, "velocity": 1.0}
+        place = nominal
+        for name in filter(None, block.split(".")):
+            place = place[name]
+        place[key] = 6.28
+
+    edit(folder / "nominal.yaml", misspelt)
+    notes = load([folder]).notes
+    assert [note for note in notes if key in note and note.endswith(f"{meant}?")]
+
+
+def test_a_misspelt_key_of_an_entry_is_noted(folder: Path) -> None:
+    edit(folder / "captures.yaml", lambda capture: capture["captures"][0].update(strat_s=3.0))
+    assert any("strat_s" in note and "start_s?" in note for note in load([folder]).notes)
 
 
 def _lost(columns: Columns) -> Columns:

@@ -21,7 +21,7 @@ from stagectl.gap.logs.grid import GriddedLog, on_control_periods
 from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
 from stagectl.gap.logs.repeats import Repeat, reconciled
 from stagectl.gap.logs.session import Array, Log, LogError, Session
-from stagectl.gap.logs.sources import Description, RawLog, read_logs
+from stagectl.gap.logs.sources import Description, RawLog, read_logs, unknown_keys
 from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD, SAME_STEP, SLIP_OF_TRAVEL, SLIP_STEPS, SLOWER_LOG
 from stagectl.kernels import friction
 from stagectl.kernels.stage import NO_COMMANDS, Drive, Stage
@@ -162,7 +162,8 @@ def _file_notes(log: RawLog) -> list[str]:
     recording = log.recording
     lost = [f"{recording.lost_rows} rows were lost while it was recorded"] if recording.lost_rows else []
     cut = [] if recording.complete else [f"it is not complete: {recording.ended}"]
-    return [*(note for note in recording.meta.get("notes", []) if note not in absent), *lost, *cut]
+    strange = unknown_keys(log)
+    return [*(note for note in recording.meta.get("notes", []) if note not in absent), *strange, *lost, *cut]
 
 
 def _known_setpoints(repeats: list[Repeat], machine: NominalSetup, dt: float) -> list[Array | None]:

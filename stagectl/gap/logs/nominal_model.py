@@ -140,6 +140,7 @@ def stribeck(curve: Block) -> friction.Stribeck:
     """Stribeck's curve, neutral where there is none."""
     if not curve.values:
         return friction.Stribeck()
+    curve.ignore_others(friction.Stribeck._fields)
     return friction.Stribeck(*curve.fields(friction.Stribeck, "rise", "velocity", shape=1.0))
 
 

@@ -19,6 +19,9 @@ _MODEL = (
 )
 
 
+_BLOCKS = ("stage", "friction", "drive", "controller", "effects")
+
+
 class NominalSetup(NamedTuple):
     """Model and controller, with notes on them."""
 
@@ -93,6 +96,9 @@ def _of_others(logs: list[RawLog], axis: dict[str, Any], setup: Setup | None) ->
     if not place.is_file():  # a log that describes its machine itself, or none that does
         place = logs[0].recording.path
     file = of_file(values, place, axis["kind"])
+    file.ignore_others(_BLOCKS)
+    if values.get("effects"):
+        file.notes.append(f"effects of {place.name} are not read: give the stage file that has them, with --stage")
     running = deployed_controller.read(file)
     if setup is None:
         if not values.get("stage"):

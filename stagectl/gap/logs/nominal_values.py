@@ -89,7 +89,7 @@ class Block(NamedTuple):
             if key not in names:
                 near = nearest(str(key), names)
                 meant = f"; did you mean {near}?" if near else ""
-                self.notes.append(f"{self.name}.{key} of {self.place.name} is not known and has no effect{meant}")
+                self.notes.append(f"{below(self.name, key)} of {self.place.name} is not known and has no effect{meant}")
 
     def refused(self, key: str, rule: str) -> NominalValueError:
         """An error that names the file, the key, its value and the `rule` for it."""

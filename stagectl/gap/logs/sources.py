@@ -12,7 +12,7 @@ import numpy as np
 from stagectl.config.stage_file import Setup
 from stagectl.gap.logs.session import Array, LogError
 from stagectl.kernels.law import Setpoint
-from stagectl.problem import Problem, ProblemKind
+from stagectl.problem import Problem, ProblemKind, nearest
 from stagectl.recording.hdf5 import Recording
 from stagectl.recording.in_memory import given_twice
 from stagectl.recording.opening import own_recordings, recordings_at
@@ -28,6 +28,7 @@ COLUMNS = {
     "fault": "fault",
 }
 _USES = ("diagnose", "held-out")
+_ENTRY = ("file", "experiment", "repeat", "use", "start_s", "injection", "setpoints")  # keys in captures.yaml
 
 
 class RawLog(NamedTuple):
@@ -124,6 +125,15 @@ def _put_in_place(recording: Recording, columns: dict[str, Array], setpoints: Ar
             columns[name] = columns[name] + origin
     if setpoints is not None:
         setpoints[:, [Setpoint._fields.index(name) for name in ("reference", "target")]] += origin
+
+
+def unknown_keys(log: RawLog) -> list[str]:
+    """A note on each key of a log's entry in captures.yaml that has no effect."""
+    entry = {} if log.ours else log.recording.meta.get("capture") or {}
+    strange = [str(key) for key in entry if key not in _ENTRY]
+    near = {key: nearest(key, _ENTRY) for key in strange}
+    meant = {key: f"; did you mean {name}?" if name else "" for key, name in near.items()}
+    return [f"{key} of its entry in captures.yaml is not known and has no effect{meant[key]}" for key in strange]
 
 
 def _refused(recording: Recording, key: str, value: Any, rule: str) -> LogError:

@@ -168,10 +168,11 @@ def _sum(result: DiagnosisResult, effects: Sequence[FoundEffect], unsized: str) 
 
 
 def _with_value(effect: FoundEffect, result: DiagnosisResult) -> str:
-    """The effect, and its first parameter where no other effect fits as well."""
+    """The effect, and its first parameter that is not zero where no other effect fits as well."""
     if effect.alternatives or not effect.parameters:
         return candidates(effect)
-    name, estimate = next(iter(effect.parameters.items()))
+    known = effect.parameters.items()
+    name, estimate = next((item for item in known if item[1].value != 0.0), next(iter(known)))
     prefix = "" if effect.parameter else f"{name.replace('_', ' ')} "
     return f"{label(effect.name)} ({prefix}{three_digits(name, estimate, result.travel)})"
 

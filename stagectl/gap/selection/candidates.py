@@ -1,6 +1,7 @@
 """The library on one machine: every effect as groups of columns, one group for each place on the grid of its shapes."""
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from stagectl.gap.selection.baseline_fit import viscous_unit
 from stagectl.gap.selection.thresholds import LARGEST_SPEED, SCALED_CHANGE
 from stagectl.kernels.stage import Stage
 from stagectl.units import ROTARY
+
+BALL_PASS, MOTOR_WAVES = "ball_pass_ripple", ("current_ripple", "cogging", "cogging_map")
 
 
 class Form(NamedTuple):
@@ -38,6 +41,18 @@ class EffectValues(NamedTuple):
 
     effect: Definition
     values: Mapping[str, float]
+
+
+def of_the_motor(form: Form, present: Sequence[EffectValues]) -> bool:
+    """Whether `form` is a ball pass at a whole order that shares a divisor with that of a motor's wave among `present`.
+
+    All harmonics of a motor are multiples of its pole pairs, and it has more of them than the model holds.
+    """
+    order = form.shape.get("order", 0.0)
+    if form.effect.name != BALL_PASS or not order.is_integer():
+        return False
+    waves = [valued.values["order"] for valued in present if valued.effect.name in MOTOR_WAVES]
+    return any(wave.is_integer() and math.gcd(int(wave), int(order)) > 1 for wave in waves)
 
 
 def forms(effects: Sequence[Definition]) -> list[Form]:

@@ -17,7 +17,7 @@ from stagectl.gap.selection.baseline_fit import sum_of_squares
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.thresholds import MISSING_SHARE, PROMISING_PLACES, RESONANT_STEPS
+from stagectl.gap.selection.thresholds import MISSING_SHARE, PLACE_STEPS, PROMISING_PLACES
 
 Starts = Callable[[], Sequence[EffectValues]]  # found once: they take long
 
@@ -70,10 +70,7 @@ def _left(fitted: Fitted) -> float:
 
 
 def _after_few_steps(e: Evidence, now: Fitted, place: EffectValues, rival: float = math.inf) -> Fitted:
-    effects = [*now.effects, place]
-    if place.effect.resonant:
-        return refine.refine(e, now.model, effects, RESONANT_STEPS, rival)
-    return refine.first_step(e, now.model, effects)
+    return refine.refine(e, now.model, [*now.effects, place], PLACE_STEPS, rival)
 
 
 def telling(missing: Array, rows: Array) -> Array:

@@ -1,7 +1,6 @@
 """How far the gap closes, and which share of it each part of the diagnosis takes."""
 
 import functools
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Grams
@@ -18,13 +18,14 @@ from stagectl.gap.residuals.least_squares import residual_sum_of_squares
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import BAND
 from stagectl.gap.residuals.whitening import Whitener
-from stagectl.gap.result.diagnosis import FORM, NOISE, PARAMETERS, UNEXPLAINED, Gap, Trace
+from stagectl.gap.result.diagnosis import FORM, PARAMETERS, UNEXPLAINED, Gap, Trace
 from stagectl.gap.selection import priors, refine
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
+from stagectl.gap.validation.shapley import scaled, shapley
 from stagectl.gap.validation.thresholds import BLOCKS, OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.fields import put
 from stagectl.kernels.stage import Friction, Stage, scaled_friction, sliding
@@ -150,9 +151,18 @@ def _worth(
     players = [PARAMETERS, *form, *names, *tables]
     shares = scaled(shapley(players, lambda members: float(of(members).sum())), gap)
     whole = frozenset(players)
-    # No loop has the function that the others stand next to.
-    judged = [name for name in names if name not in selected.beside]
+    judged = [name for name in names if name not in unjudged(session, selected)]
     return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in judged})
+
+
+def unjudged(session: Session, selected: Selection) -> frozenset[str]:
+    """Effects of which the gap of the position says little.
+
+    No loop has the function that some stand next to.  Of the drive, a current that was measured tells far more: the
+    feedback hides from the position what a current lacks, and the friction's error of form decides what is left of it.
+    """
+    drive = {valued.effect.name for valued in selected.fitted.effects if valued.effect.block == DRIVE}
+    return selected.beside | (drive if session.logs[0].current is not None else set())
 
 
 def _rubbing(size: TrackedModel, form: TrackedModel) -> Friction:
@@ -180,39 +190,6 @@ def _log(squares: Array) -> Array:
 def _surely_positive(values: Array) -> bool:
     count = len(values)
     return count > 1 and np.mean(values) > stdtrit(count - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(count)
-
-
-def shapley(players: Sequence[str], remaining: Callable[[frozenset[str]], float]) -> dict[str, float]:
-    """What each player takes from `remaining`, averaged over the orders in which the players may be added.
-
-    The shares sum to what all players together take.  `remaining` is called once for each subset.
-
-    Source: L. S. Shapley, A value for n-person games, Contributions to the Theory of Games II, 1953.
-    """
-    worth = functools.cache(remaining)
-    count = len(players)
-    shares = {}
-    for player in players:
-        others = [other for other in players if other != player]
-        total = 0.0
-        for size in range(count):
-            weight = math.factorial(size) * math.factorial(count - size - 1) / math.factorial(count)
-            for members in map(frozenset, itertools.combinations(others, size)):
-                total += weight * (worth(members) - worth(members | {player}))
-        shares[player] = total
-    return shares
-
-
-def scaled(taken: dict[str, float], gap: Gap) -> dict[str, float]:
-    """Shares of the squared gap before, in proportion to what each part has `taken`; with the rest they sum to one."""
-    count, whole = sum(taken.values()), gap.before**2
-    if not whole > 0.0:
-        return {**dict.fromkeys(taken, 0.0), UNEXPLAINED: 0.0, NOISE: 1.0}
-    scale = (whole - gap.after**2) / count if abs(count) > 0.0 else 0.0
-    shares = {name: value * scale / whole for name, value in taken.items()}
-    noise = min(gap.floor**2 / whole, 1.0)
-    rest = 1.0 - noise - sum(shares.values())
-    return {**shares, UNEXPLAINED: shares.get(UNEXPLAINED, 0.0) + rest, NOISE: noise}
 
 
 def effort(p: TrackedModel, runs: Sequence[Run], noise: Whitener, dt: float) -> StrokeSums:

@@ -6,6 +6,7 @@ reference; the floor is what repeats differ by.
 
 import math
 from collections.abc import Sequence
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -81,12 +82,17 @@ def _difference(log: Log, simulated: Array, channel: str) -> Array:
 def floor(judged: Sequence[JudgedLog], rows: Sequence[Array], channel: str) -> StrokeSums:
     """What repeats differ by: mean |r_a - r_b|^2 / 2 of measured less simulated `rows`, summed over half strokes.
 
-    Zeros where nothing was repeated.  A drift from repeat to repeat that the model predicts is no noise.
+    Zeros where nothing was repeated; what was recorded once among repeats is as noisy as these.  A drift from repeat to
+    repeat that the model predicts is no noise.
     """
     pairs = zip((item.log for item in judged), rows, strict=True)
     residuals = {log.name: _difference(log, simulated, channel) for log, simulated in pairs}
     groups = by_experiment([item.log for item in judged])
-    return _by_stroke(judged, [_apart(item.log, groups[item.log.experiment], residuals) for item in judged])
+    squares = [_apart(item.log, groups[item.log.experiment], residuals) for item in judged]
+    repeated = [len(groups[item.log.experiment]) > 1 for item in judged]
+    usual = float(np.mean(np.concatenate(list(compress(squares, repeated))))) if any(repeated) else 0.0
+    known = [square if told else np.full_like(square, usual) for square, told in zip(squares, repeated, strict=True)]
+    return _by_stroke(judged, known)
 
 
 def _apart(log: Log, repeats: Sequence[Log], residuals: dict[str, Array]) -> Array:

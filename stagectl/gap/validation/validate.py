@@ -52,12 +52,12 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
     return Validation(improved, found, tuple(lines))
 
 
-def confirmed(effect: FoundEffect, found: Closure, beside: Collection[str]) -> FoundEffect:
+def confirmed(effect: FoundEffect, found: Closure, spared: Collection[str]) -> FoundEffect:
     """`effect` as the loop confirms it: one that takes nothing of a gap that stays open is not what is missing.
 
-    Of effects that were found `beside` a function it says little: the gap is that of the function.
+    Of those that are `spared` the loop says little: see `closure.unjudged`.
     """
-    if not found.open or effect.share > 0.0 or effect.name in beside:
+    if not found.open or effect.share > 0.0 or effect.name in spared:
         return effect
     return effect._replace(probability=min(effect.probability, stands(0.0, 1.0)))
 

@@ -18,6 +18,7 @@ from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Gap
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Fitted
 from stagectl.gap.validation import closure
+from stagectl.gap.validation.shapley import scaled
 from stagectl.workflows.motion import prepare
 from stagectl.workflows.simulated_motion import pretend
 from tests.compensation.test_model_effects import SCALES, having
@@ -46,22 +47,22 @@ def gap(before: float, after: float, floor: float) -> Gap:
 
 def test_shares_are_of_the_squared_gap_and_sum_to_one() -> None:
     """Of 100 units 64 go, in proportion 3 : 1; 4 are noise, and 32 stay."""
-    shares = closure.scaled({"parameters": 6.0, "dwell": 2.0}, gap(10.0, 6.0, 2.0))
+    shares = scaled({"parameters": 6.0, "dwell": 2.0}, gap(10.0, 6.0, 2.0))
     assert shares == pytest.approx({"parameters": 0.48, "dwell": 0.16, UNEXPLAINED: 0.32, NOISE: 0.04})
     assert sum(shares.values()) == pytest.approx(1.0)
 
 
 def test_what_only_a_table_takes_is_unexplained() -> None:
-    shares = closure.scaled({"parameters": 6.0, UNEXPLAINED: 2.0}, gap(10.0, 6.0, 2.0))
+    shares = scaled({"parameters": 6.0, UNEXPLAINED: 2.0}, gap(10.0, 6.0, 2.0))
     assert shares == pytest.approx({"parameters": 0.48, UNEXPLAINED: 0.16 + 0.32, NOISE: 0.04})
 
 
 def test_where_there_is_no_gap_all_is_noise() -> None:
-    assert closure.scaled({"parameters": 1.0}, gap(0.0, 0.0, 0.0)) == {"parameters": 0.0, UNEXPLAINED: 0.0, NOISE: 1.0}
+    assert scaled({"parameters": 1.0}, gap(0.0, 0.0, 0.0)) == {"parameters": 0.0, UNEXPLAINED: 0.0, NOISE: 1.0}
 
 
 def test_a_model_that_takes_nothing_leaves_all_unexplained() -> None:
-    assert closure.scaled({"parameters": 0.0}, gap(10.0, 10.0, 1.0))[UNEXPLAINED] == pytest.approx(0.99)
+    assert scaled({"parameters": 0.0}, gap(10.0, 10.0, 1.0))[UNEXPLAINED] == pytest.approx(0.99)
 
 
 def test_an_effect_that_surely_widens_the_gap_is_refuted() -> None:
@@ -87,3 +88,15 @@ def test_an_effect_of_the_wrong_sign_is_refuted(ball_screw: Setup, tmp_path: Pat
     selected: Any = SimpleNamespace(fitted=now, beside=frozenset[str]())
     found = closure.in_closed_loop(session, selected, now.equipped.stage, session.logs)
     assert found.refuted == refuted
+
+
+@pytest.mark.parametrize(("measured", "spared"), [(True, {"cogging", "current_offset"}), (False, {"cogging"})])
+def test_no_gap_of_the_position_refutes_what_a_measured_current_shows(measured: bool, spared: set[str]) -> None:
+    """The feedback hides an offset of 0.1 A from the position; what is left there is the friction's error of form."""
+    valued = [SimpleNamespace(effect=SimpleNamespace(name=name, block=block)) for name, block in BLOCKS_OF.items()]
+    selected: Any = SimpleNamespace(fitted=SimpleNamespace(effects=valued), beside=frozenset({"cogging"}))
+    session: Any = SimpleNamespace(logs=[SimpleNamespace(current=np.ones(3) if measured else None)])
+    assert closure.unjudged(session, selected) == spared
+
+
+BLOCKS_OF = {"current_offset": "drive", "stribeck": "mechanics", "cogging": "mechanics"}

@@ -46,6 +46,13 @@ def test_the_floor_of_repeats_is_half_their_mean_squared_difference() -> None:
     assert sums.squares.tolist() == [16.0] * 2 and sums.samples.tolist() == [8.0] * 2
 
 
+def test_what_was_recorded_once_is_as_noisy_as_the_repeats() -> None:
+    once = JudgedLog(log(np.full(8, 5.0), "c", "scan"), STROKES)
+    sums = held_out_gap.floor([*judged(np.ones(8), -np.ones(8)), once], [ZERO] * 3, "position")
+    assert sums.squares.sum() / sums.samples.sum() == pytest.approx(2.0)
+    assert held_out_gap.floor([once], [ZERO], "position").squares.sum() == 0.0
+
+
 def test_a_repeat_makes_no_interval_narrower() -> None:
     """What a model leaves is the same in each repeat of a half stroke, in whatever order the logs come."""
     rng = np.random.default_rng(1)

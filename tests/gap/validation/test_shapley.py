@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from stagectl.gap.validation.closure import shapley
+from stagectl.gap.validation.shapley import shapley
 
 
 def test_shares_sum_to_what_all_take_and_a_joint_gain_is_halved() -> None:
