@@ -43,6 +43,12 @@ def test_an_effect_that_no_library_has_is_only_itself() -> None:
     assert rules.same("cubic_hysteresis", poor=True) == {"cubic_hysteresis"}
 
 
+def test_a_cogging_with_its_multiples_is_a_cogging() -> None:
+    """That of the exam's machines has two harmonics; a lag, in contrast, is more than a Stribeck curve."""
+    assert scored(truth("cogging"), entry("cogging_map"))["top1"]
+    assert not scored(truth("stribeck"), entry("friction_lag"))["top1"]
+
+
 def test_exact_symmetries_are_the_same_answer() -> None:
     assert scored(truth("force_constant"), entry("current_gain"))["top1"]
     assert scored(truth("jitter"), entry("dead_time"))["top1"]

@@ -3,6 +3,7 @@
 * Only entries with a probability of at least 0.5 count as named; their order is the ranking.
 * An entry that is a shift of a value that truly is off (the user's inertia, viscous or Coulomb friction), or that a
   hidden effect needs as its companion, is true and is passed over where the hidden effects are looked for.
+* A cogging with its multiples is a cogging.
 * Effects that all logs show alike are the same answer (on the poor battery also those that few motions show alike).
   A common change of inertia, viscous and Coulomb friction is the answer "force constant".
 * Top-1: the first entry that is left *names* the effect.  Found: it stands in an entry's name or alternatives, each
@@ -24,6 +25,7 @@ EXACT: tuple[frozenset[str], ...] = tuple(
     dict.fromkeys(frozenset({name, *alike}) for name in EFFECTS if (alike := look_alikes(name, Data.ALL)))
 )
 WIDER = {name: frozenset(effect.generalisations) for name, effect in EFFECTS.items() if effect.generalisations}
+HARMONICS = {"cogging": frozenset({"cogging_map"})}  # the cogging of the exam's machines has a second harmonic
 SCALED = frozenset(FORCE_SCALED)
 CLASSES = {family: tuple(e.name for e in EFFECTS.values() if e.family == family) for family in FAMILIES}
 CLASS_OF = {name: kind for kind, names in CLASSES.items() for name in names}
@@ -89,7 +91,8 @@ def same(name: str, poor: bool = False) -> frozenset[str]:
     """The name and all that counts as the same answer."""
     if name not in EFFECTS:  # an effect that no library has
         return frozenset({name})
-    return frozenset({name, *look_alikes(name, Data.ALL | Data.FEW_MOTIONS if poor else Data.ALL)})
+    alike = look_alikes(name, Data.ALL | Data.FEW_MOTIONS if poor else Data.ALL)
+    return frozenset({name, *alike, *HARMONICS.get(name, ())})
 
 
 def any_same(names: Iterable[str], poor: bool) -> frozenset[str]:
