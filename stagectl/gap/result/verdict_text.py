@@ -232,7 +232,8 @@ def _distance(result: DiagnosisResult) -> str:
     size = f"{before} {unit}" if unchanged else f"{before} -> {after} {unit}"
     if gap.effort:
         size += f" ({percent((gap.before if unchanged else gap.after) / gap.effort)} of the effort)"
-    noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else "noise floor not known: no run was repeated"
+    once = f"noise floor not known: none of the {result.judged_on} was repeated"
+    noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else once
     change = "this decrease is not significant" if gap.after < gap.before else "the model comes no closer"
     doubt = "" if _shrinks(result) or unchanged or not result.named else f"; {change}"
     return f"{capital(headline(gap))} gap {size} on {result.judged_on}, {noise}{doubt}."
