@@ -48,10 +48,12 @@ def test_no_frequency_is_tried_that_no_row_tells() -> None:
 @pytest.mark.parametrize(
     ("order", "wave", "motor"), [(8.0, 24.0, True), (6.0, 4.0, True), (7.0, 24.0, False), (8.2, 24.0, False)]
 )
-def test_a_whole_order_of_a_motor_s_wave_is_no_ball_pass(order: float, wave: float, motor: bool) -> None:
-    """A motor has more harmonics than the model holds: what they leave is not friction."""
+def test_a_ball_pass_at_a_whole_order_may_be_a_harmonic_of_the_motor(order: float, wave: float, motor: bool) -> None:
+    """A motor has more harmonics than the model holds: what they leave need not be friction."""
     size = SIZE._replace(orders={"ball_pass_ripple": (order,), "current_ripple": (wave,)})
     of = {effect.name: effect for effect in definitions(size)}
-    (form,) = candidates.forms([of["ball_pass_ripple"]])
-    ripple = EffectValues(of["current_ripple"], {"order": wave, "sine": 0.01, "cosine": 0.0})
-    assert candidates.of_the_motor(form, [ripple]) == motor and not candidates.of_the_motor(form, [])
+    values = {"sine": 0.01, "cosine": 0.0}
+    ball = EffectValues(of["ball_pass_ripple"], {"order": order, **values})
+    ripple = EffectValues(of["current_ripple"], {"order": wave, **values})
+    assert candidates.of_the_motor(ball, [ripple]) == (("current_ripple",) if motor else ())
+    assert not candidates.of_the_motor(ball, []) and not candidates.of_the_motor(ripple, [ball])

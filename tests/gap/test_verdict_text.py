@@ -42,7 +42,7 @@ def test_there_is_an_example_of_every_verdict() -> None:
                        "again."),
         ("not-identifiable", "These logs do not identify the cause of the gap. Only one speed was run."),
         ("foreign", "82 % of the closable gap is viscous asymmetry (share 0.182). Effort gap 12 -> 3.1 N (10 % of the "
-                    "effort) on held-out runs, noise floor not known: no run was repeated."),
+                    "effort) on held-out runs, noise floor not known: no held-out run was repeated."),
     ],
 )  # fmt: skip
 def test_the_sentence(verdict: str, expected: str) -> None:

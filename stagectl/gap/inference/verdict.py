@@ -11,7 +11,7 @@ from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
-from stagectl.gap.selection.candidates import EffectValues, equipped
+from stagectl.gap.selection.candidates import EffectValues, equipped, of_the_motor
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.material import refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -74,7 +74,7 @@ def _effect(
     values = with_limit(parameters(fitted, now, known, session.kind), fitted, before)
     return FoundEffect(
         name=name,
-        alternatives=_alternatives(name, selected),
+        alternatives=(*_alternatives(name, selected), *of_the_motor(fitted, rest)),
         probability=selected.probability[name],
         share=0.0,
         parameters=_in_order(values, session),

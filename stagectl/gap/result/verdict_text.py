@@ -5,7 +5,16 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from stagectl.gap.effects.library import coordinate_label, label
-from stagectl.gap.result.diagnosis import FORM, NOISE, UNEXPLAINED, DiagnosisResult, FoundEffect, Gap, UnknownTerm
+from stagectl.gap.result.diagnosis import (
+    FORM,
+    HELD_OUT,
+    NOISE,
+    UNEXPLAINED,
+    DiagnosisResult,
+    FoundEffect,
+    Gap,
+    UnknownTerm,
+)
 from stagectl.number_format import Travel, length, percent, portion, three_digits, together
 
 MOST = 3  # effects in the sentence, parameters in it, and spans in a line; chosen for one line each
@@ -232,7 +241,8 @@ def _distance(result: DiagnosisResult) -> str:
     size = f"{before} {unit}" if unchanged else f"{before} -> {after} {unit}"
     if gap.effort:
         size += f" ({percent((gap.before if unchanged else gap.after) / gap.effort)} of the effort)"
-    noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else "noise floor not known: no run was repeated"
+    runs = "held-out run" if result.judged_on == HELD_OUT else "run"
+    noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else f"noise floor not known: no {runs} was repeated"
     change = "this decrease is not significant" if gap.after < gap.before else "the model comes no closer"
     doubt = "" if _shrinks(result) or unchanged or not result.named else f"; {change}"
     return f"{capital(headline(gap))} gap {size} on {result.judged_on}, {noise}{doubt}."

@@ -43,16 +43,17 @@ class EffectValues(NamedTuple):
     values: Mapping[str, float]
 
 
-def of_the_motor(form: Form, present: Sequence[EffectValues]) -> bool:
-    """Whether `form` is a ball pass at a whole order that shares a divisor with that of a motor's wave among `present`.
+def of_the_motor(valued: EffectValues, present: Sequence[EffectValues]) -> tuple[str, ...]:
+    """The motor's waves among `present` of which a ball pass `valued` at a whole order may be a harmonic.
 
-    All harmonics of a motor are multiples of its pole pairs, and it has more of them than the model holds.
+    All harmonics of a motor are multiples of its pole pairs, and it has more of them than the model holds: their orders
+    share a divisor.
     """
-    order = form.shape.get("order", 0.0)
-    if form.effect.name != BALL_PASS or not order.is_integer():
-        return False
-    waves = [valued.values["order"] for valued in present if valued.effect.name in MOTOR_WAVES]
-    return any(wave.is_integer() and math.gcd(int(wave), int(order)) > 1 for wave in waves)
+    order = valued.values.get("order", 0.0)
+    if valued.effect.name != BALL_PASS or not order.is_integer():
+        return ()
+    waves = {other.effect.name: other.values["order"] for other in present if other.effect.name in MOTOR_WAVES}
+    return tuple(name for name, x in waves.items() if x.is_integer() and math.gcd(int(x), int(order)) > 1)
 
 
 def forms(effects: Sequence[Definition]) -> list[Form]:

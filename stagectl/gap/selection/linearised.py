@@ -118,8 +118,7 @@ def linearised(
     present = {valued.effect.name for valued in now.effects}
     if present & set(constants.SCALING):
         present.update(constants.SCALING)
-    fresh = (form for form in (*library.forms, *refined) if form.effect.name not in present)
-    forms = tuple(form for form in fresh if not candidates.of_the_motor(form, now.effects))
+    forms = tuple(form for form in (*library.forms, *refined) if form.effect.name not in present)
     excited = np.einsum("ckk->k", g.effort) + np.einsum("ckk->k", g.current) > 0.0
     tried = [c for c in usual_sizes.of_effects(forms, g.places) if excited[list(c.prior.places)].all()]
     nuisances = parameters(e, now, g)
