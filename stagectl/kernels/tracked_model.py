@@ -74,13 +74,13 @@ def _carried(p: Tied, x: State, share: float) -> State:
     bristle, constant = p.stage.friction.bristle, p.stage.motor.force_constant
     if bristle.coulomb == 0.0:
         return x
-    most = friction_bristle.holding(bristle)
-    before = bristle.stiffness * x.plant.bristle
-    moved = min(max(before - share * constant * x.tracker.integral, -most), most) - before
+    load = bristle.stiffness * x.plant.bristle - share * constant * x.tracker.integral
+    after = friction_bristle.settled(bristle, load)
+    moved = bristle.stiffness * (after - x.plant.bristle)
     tracker = feedback.State(x.tracker.error, x.tracker.integral + moved / constant, x.tracker.derivative)
     plant = stage.State(
         x.plant.commands, x.plant.latched, x.plant.current, x.plant.position, x.plant.velocity,
-        x.plant.force + moved, x.plant.stops, (before + moved) / bristle.stiffness, x.plant.memory,
+        x.plant.force + moved, x.plant.stops, after, x.plant.memory,
     )  # fmt: skip
     return State(plant, tracker)
 

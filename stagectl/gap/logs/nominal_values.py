@@ -87,9 +87,7 @@ class Block(NamedTuple):
         names = list(known)
         for key in self.values:
             if key not in names:
-                near = nearest(str(key), names)
-                meant = f"; did you mean {near}?" if near else ""
-                self.notes.append(f"{below(self.name, key)} of {self.place.name} is not known and has no effect{meant}")
+                self.notes.append(unknown_key(str(key), below(self.name, key), self.place.name, names))
 
     def refused(self, key: str, rule: str) -> NominalValueError:
         """An error that names the file, the key, its value and the `rule` for it."""
@@ -111,6 +109,12 @@ def of_file(nominal: dict[str, Any], place: Path, kind: str) -> Block:
     """The whole file as a block; `kind` is rotary or linear."""
     assert kind in (ROTARY, LINEAR)
     return Block("", nominal, place, kind, [], [])
+
+
+def unknown_key(key: str, shown: str, place: str, known: Sequence[str]) -> str:
+    """The note on a `key`, `shown` in its place, that is none of the `known` ones."""
+    near = nearest(key, known)
+    return f"{shown} of {place} is not known and has no effect{f'; did you mean {near}?' if near else ''}"
 
 
 def quantity(block_type: type, field: str) -> Quantity:

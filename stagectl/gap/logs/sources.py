@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stagectl.config.stage_file import Setup
+from stagectl.gap.logs.nominal_values import unknown_key
 from stagectl.gap.logs.session import Array, LogError
 from stagectl.kernels.law import Setpoint
-from stagectl.problem import Problem, ProblemKind, nearest
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import Recording
 from stagectl.recording.in_memory import given_twice
 from stagectl.recording.opening import own_recordings, recordings_at
@@ -131,9 +132,7 @@ def unknown_keys(log: RawLog) -> list[str]:
     """A note on each key of a log's entry in captures.yaml that has no effect."""
     entry = {} if log.ours else log.recording.meta.get("capture") or {}
     strange = [str(key) for key in entry if key not in _ENTRY]
-    near = {key: nearest(key, _ENTRY) for key in strange}
-    meant = {key: f"; did you mean {name}?" if name else "" for key, name in near.items()}
-    return [f"{key} of its entry in captures.yaml is not known and has no effect{meant[key]}" for key in strange]
+    return [unknown_key(key, key, "its entry in captures.yaml", _ENTRY) for key in strange]
 
 
 def _refused(recording: Recording, key: str, value: Any, rule: str) -> LogError:

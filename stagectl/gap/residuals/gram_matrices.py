@@ -19,7 +19,7 @@ from scipy.stats import t as student_t
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import least_squares, run_products
-from stagectl.gap.residuals.half_strokes import Run, noise_of_all, spans
+from stagectl.gap.residuals.half_strokes import Run, noise_of_all, samples
 from stagectl.gap.residuals.run_products import RunProducts
 from stagectl.gap.residuals.thresholds import FLAT, LEAST_BLOCKS, SINGULAR_NUISANCE
 from stagectl.number_format import NORMAL as NORMAL
@@ -103,9 +103,9 @@ def grams(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
 def _with_recorded_once(p: Products, floor: Array) -> Array:
     """`floor` (2, c) of all half strokes, with the noise of those that were recorded once: as much in each sample."""
     runs = [part.run for part in p.parts]
-    samples = [[len(r.paths) * np.sum(r.weight[span] ** 2) for span in spans(r.cluster)] for r in runs]
-    each = np.concatenate(samples)
-    repeated = np.repeat([len(run.paths) > 1 for run in runs], [len(counts) for counts in samples])
+    counts = [samples(run) for run in runs]
+    each = np.concatenate(counts)
+    repeated = np.repeat([len(run.paths) > 1 for run in runs], [len(of_run) for of_run in counts])
     known = float(each[repeated].sum())
     rate = floor[:, repeated].sum(axis=1) / known if known else np.zeros(2)
     return np.where(repeated, floor, rate[:, None] * each)

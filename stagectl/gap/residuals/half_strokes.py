@@ -152,6 +152,11 @@ def _direction(position: Array, dt: float) -> Array:
     return np.where(moving, np.sign(velocity), 0.0)
 
 
+def samples(run: Run) -> Array:
+    """(c,) How many of each half stroke of `run` count, of all repeats."""
+    return np.array([len(run.paths) * np.sum(run.weight[span] ** 2) for span in spans(run.cluster)])
+
+
 def spans(cluster: NDArray[np.int64]) -> list[slice]:
     """The samples of each half stroke, from the numbers `cluster` (m,) of all samples."""
     borders = [0, *(np.flatnonzero(np.diff(cluster)) + 1).tolist(), len(cluster)]

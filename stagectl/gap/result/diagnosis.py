@@ -1,5 +1,7 @@
 """The result of a diagnosis: the page, the JSON and the patch all read it."""
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +52,16 @@ class Gap(NamedTuple):
     high: float
     predicted: float | None = None  # closure expected beforehand, on the data that chose the effects
     effort: float | None = None  # N m | N, root mean square of the effort itself, where the gap is one of effort
+
+    @property
+    def shrinks(self) -> bool:
+        """Whether it decreases: significantly, where its interval is known."""
+        return self.after < self.before if math.isnan(self.low) else self.low > 0.0
+
+
+def closable(shares: Mapping[str, float]) -> float:
+    """Share of the squared gap that is no noise."""
+    return max(1.0 - shares.get(NOISE, 0.0), 1e-9)
 
 
 class Coordinate(NamedTuple):

@@ -8,12 +8,12 @@ from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import (
     FORM,
     HELD_OUT,
-    NOISE,
     UNEXPLAINED,
     DiagnosisResult,
     FoundEffect,
     Gap,
     UnknownTerm,
+    closable,
 )
 from stagectl.number_format import Travel, length, percent, portion, three_digits, together
 
@@ -24,7 +24,6 @@ _TOGETHER = 0.5  # of a force's power, within `_NARROW` of its top: most of it l
 _NARROW = 0.04  # of the stroke, to either side: a force that lies closer together has a place; chosen
 _SMALL = 0.005  # share of the gap below which its size is not stated
 _LIKELY = 0.3  # probability from which an effect that is not named is mentioned
-FORM_SHARE = 0.02  # of the closable gap: a form of the friction that takes less is neither stated nor written; chosen
 _BEYOND = 0.05  # by which a share may lie below 0 or above 1 and still be stated by itself; chosen
 
 
@@ -39,7 +38,7 @@ def _form(result: DiagnosisResult) -> str:
     if not result.friction or any(effect.name == "presliding" for effect in result.named):
         return ""
     shares = dict(result.shares)
-    share = shares.get(FORM, 0.0) / max(1.0 - shares.get(NOISE, 0.0), 1e-9)
+    share = shares.get(FORM, 0.0) / closable(shares)
     return f"{capital(portion(share))} of the closable gap is the {FORM}."
 
 
@@ -102,7 +101,7 @@ _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
 def _left(result: DiagnosisResult) -> str:
     """How much the effects leave of a gap that stays well above its floor, though nothing orders it."""
     share, gap = dict(result.shares).get(UNEXPLAINED, 0.0), result.gap
-    known = gap.floor > 0.0 and _shrinks(result)
+    known = gap.floor > 0.0 and result.gap.shrinks
     if not known or _at_floor(result, gap.after) or not share > _SMALL:
         return ""
     return f" {capital(portion(share))} of the gap is left unexplained."
@@ -124,7 +123,7 @@ def _missing(result: DiagnosisResult) -> str:
     """The effects first: they are the news, however much more of the gap is a parameter error."""
     parameters = [effect for effect in result.named if effect.parameter]
     effects = [effect for effect in result.named if not effect.parameter] or list(result.effects[:1])
-    if parameters and _shrinks(result) and not all(_is_share(effect.share) for effect in (*effects, *parameters)):
+    if parameters and result.gap.shrinks and not all(_is_share(effect.share) for effect in (*effects, *parameters)):
         return _sum(result, [*effects, *parameters], _MISSING)
     causes = _causes(result, effects, _MISSING)
     if not parameters:
@@ -141,7 +140,7 @@ _MISSING, _OF_WHOLE = "missing in the model: ", " of the closable gap is"
 
 def _causes(result: DiagnosisResult, effects: Sequence[FoundEffect], unsized: str = "", whole: str = _OF_WHOLE) -> str:
     """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``; without shares after `unsized`."""
-    if not _shrinks(result):  # a gap that does not shrink has no shares
+    if not result.gap.shrinks:  # a gap that does not shrink has no shares
         causes = [_with_value(effect, result) for effect in _largest(effects)]
         return f"{unsized}{', '.join(causes)}{_more(effects)}"
     if len(effects) > 1 and not all(_is_share(effect.share) for effect in effects):
@@ -244,17 +243,8 @@ def _distance(result: DiagnosisResult) -> str:
     runs = "held-out run" if result.judged_on == HELD_OUT else "run"
     noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else f"noise floor not known: no {runs} was repeated"
     change = "this decrease is not significant" if gap.after < gap.before else "the model comes no closer"
-    doubt = "" if _shrinks(result) or unchanged or not result.named else f"; {change}"
+    doubt = "" if result.gap.shrinks or unchanged or not result.named else f"; {change}"
     return f"{capital(headline(gap))} gap {size} on {result.judged_on}, {noise}{doubt}."
-
-
-def _shrinks(result: DiagnosisResult) -> bool:
-    return shrinks(result.gap)
-
-
-def shrinks(gap: Gap) -> bool:
-    """Whether the gap of the held-out runs decreases: significantly, where its interval is known."""
-    return gap.after < gap.before if np.isnan(gap.low) else gap.low > 0.0
 
 
 def headline(gap: Gap) -> str:

@@ -9,7 +9,7 @@ from scipy.special import expit
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals import gram_matrices, sensitivities
+from stagectl.gap.residuals import gram_matrices, half_strokes, sensitivities
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.residuals.half_strokes import spans
 from stagectl.gap.residuals.thresholds import EXPLAINED, RIDGE
@@ -145,7 +145,7 @@ def remains(e: Evidence, library: Library, now: Fitted) -> Remains:
 
 def samples(e: Evidence) -> Array:
     """(c,) How many of each half stroke count, of all repeats."""
-    return np.array([len(run.paths) * np.sum(run.weight[span] ** 2) for run in e.runs for span in spans(run.cluster)])
+    return np.concatenate([half_strokes.samples(run) for run in e.runs])
 
 
 def simulated(valued: EffectValues, without: Remains, present: Remains, powers: Cuts) -> float:

@@ -151,7 +151,8 @@ def _worth(
     players = [PARAMETERS, *form, *names, *tables]
     shares = scaled(shapley(players, lambda members: float(of(members).sum())), gap)
     whole = frozenset(players)
-    judged = [name for name in names if name not in unjudged(session, selected)]
+    spared = unjudged(session, selected)
+    judged = [name for name in names if name not in spared]
     return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in judged})
 
 

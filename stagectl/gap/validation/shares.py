@@ -1,17 +1,12 @@
 """Who takes the gap: named effects, parameters, and the form of the rolling friction."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from stagectl.gap.inference.patch_fields import fields_of
-from stagectl.gap.result.diagnosis import FORM, NOISE, PARAMETERS, Fields, FoundEffect
-from stagectl.gap.result.verdict_text import FORM_SHARE, shrinks
+from stagectl.gap.result.diagnosis import FORM, PARAMETERS, Fields, FoundEffect, closable
+from stagectl.gap.validation.thresholds import FORM_SHARE
 from stagectl.gap.validation.validate import Validation
 from stagectl.kernels.stage import Stage
-
-
-def closable(shares: Mapping[str, float]) -> float:
-    """Share of the squared gap that is no noise."""
-    return max(1.0 - shares.get(NOISE, 0.0), 1e-9)
 
 
 def of_effects(effects: Sequence[FoundEffect], shares: dict[str, float]) -> list[FoundEffect]:
@@ -35,10 +30,9 @@ def of_effects(effects: Sequence[FoundEffect], shares: dict[str, float]) -> list
 
 def law_of(nominal: Stage, found: Validation) -> Fields:
     """The friction's law of the improved model, where its form takes a part of the gap."""
-    law = nominal.friction._replace(
-        operators=found.improved.friction.operators, bristle=found.improved.friction.bristle
-    )
-    taken = found.closure.shares.get(FORM, 0.0) / closable(found.closure.shares)
-    return (
-        fields_of(nominal, nominal._replace(friction=law)) if taken >= FORM_SHARE and shrinks(found.closure.gap) else ()
-    )
+    shares = found.closure.shares
+    if shares.get(FORM, 0.0) < FORM_SHARE * closable(shares) or not found.closure.gap.shrinks:
+        return ()
+    fitted = found.improved.friction
+    law = nominal.friction._replace(operators=fitted.operators, bristle=fitted.bristle)
+    return fields_of(nominal, nominal._replace(friction=law))

@@ -17,3 +17,5 @@ OPEN_ABOVE_FLOOR = 5.0
 OPEN_CLOSURE = 0.8
 # Chosen.  Blocks of half strokes, each predicted from the others where no run is held out.
 BLOCKS = 5
+# Share of the closable gap; chosen.  A form of the friction that takes less is neither stated nor written.
+FORM_SHARE = 0.02
