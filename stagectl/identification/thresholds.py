@@ -212,7 +212,6 @@ STRIBECK_OPERATORS = (3, 8, 14)  # stop operators that have Stribeck columns
 STRIBECK_SPEEDS, STRIBECK_COLUMNS = (0.01, FASTEST_STRIBECK), 6
 MEMORIES = (5e-3, 20e-3, 80e-3)  # s, after which friction follows its Stribeck curve; source in `friction_columns`
 PATH_STEP = 1e-3  # s: a friction law follows a motion that is sampled at least as fast
-FINE_WINDOW = 2.1e-3  # s, knot distance from which the encoder's steps hide the speed between samples
 
 # Simultaneous: what is known before the data.  Doubts are standard deviations.
 INERTIA_DOUBT, VISCOUS_DOUBT = 0.3, 0.5  # of the stage file's values; as in the diagnosis of the gap
