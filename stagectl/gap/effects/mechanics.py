@@ -1,6 +1,7 @@
 """Effects of motor, screw, cable, table and base, but for factors on friction; and parameters that every model has."""
 
 import math
+from collections.abc import Sequence
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
@@ -58,7 +59,7 @@ def _backlash(s: Scales) -> Parameters:
         (Amplitude("gap", "rad | m", gaps, 0.0, 20.0 * s.length),),
         (
             Shape("load_share", "", (0.3,), True, 0.02, 0.95),
-            Shape("load_friction", "", (0.9, 0.4), True, 0.01, 1.0),
+            Shape("load_friction", "", (0.9, 0.4), True, 0.0, 1.0, share=True),
             Shape("resonance", "Hz", closed, True, grids.SOFTEST_TRAIN, max(highest, grids.SOFTEST_TRAIN)),
             Shape("damping", "", (0.1,), True, 0.01, 1.0),
         ),
@@ -68,15 +69,16 @@ def _backlash(s: Scales) -> Parameters:
 
 
 def _compliance(s: Scales) -> Parameters | None:
-    frequencies = grids.told_by_rows(grids.COMPLIANCE_FREQUENCIES, s.dt)
+    """A load behind a spring: where the logs ring, it swings alone, as if the motor held it."""
+    frequencies = _with_modes(grids.COMPLIANCE_FREQUENCIES, s, 1.0 / math.sqrt(1.0 - grids.LOAD_SHARE))
     if not frequencies:
         return None
     return Parameters(
-        (Amplitude("load_share", "", (0.3,), 0.0, 0.95),),
+        (Amplitude("load_share", "", (grids.LOAD_SHARE,), 0.0, 0.95),),
         (
             Shape("resonance", "Hz", frequencies, True, 2.0, grids.highest_told(s.dt)),
             Shape("damping", "", (0.03,), True, 0.002, 1.0),
-            Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
+            Shape("load_friction", "", (0.4,), True, 0.0, 1.0, share=True),
         ),
         lambda p, v: _with_load(p, v) if v["load_share"] > 0.0 else p,
         resonant=True,
@@ -90,9 +92,7 @@ def _with_load(p: Stage, v: Values, **more: float) -> Stage:
 
 
 def _base_vibration(s: Scales) -> Parameters | None:
-    usual = grids.told_by_rows(grids.BASE_FREQUENCIES, s.dt)
-    seen = [mode * math.sqrt(1.0 + grids.BASE_RATIO) for mode in s.modes]  # with the axis on it, which holds it back
-    grid = (*seen, *(f for f in usual if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in seen)))
+    grid = _with_modes(grids.BASE_FREQUENCIES, s, math.sqrt(1.0 + grids.BASE_RATIO))  # the axis on it holds it back
     if not grid:
         return None
     return Parameters(
@@ -104,6 +104,13 @@ def _base_vibration(s: Scales) -> Parameters | None:
         filled("mechanics.base", ratio="ratio", frequency="frequency", damping="damping"),
         resonant=True,
     )
+
+
+def _with_modes(usual: Sequence[float], s: Scales, higher: float) -> tuple[float, ...]:
+    """The frequencies (Hz) at which the logs ring, each so much `higher`, and the `usual` ones far from these."""
+    seen = grids.told_by_rows([higher * mode for mode in s.modes], s.dt)
+    far = [f for f in usual if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in seen)]
+    return (*seen, *grids.told_by_rows(far, s.dt))
 
 
 def _cogging_map(s: Scales) -> Parameters | None:
