@@ -35,12 +35,17 @@ _LIMIT = Quantity("A", "(0, inf]", "largest command")
 _SPAN = Quantity("", "[1, 2]", "periods over which the velocity is differenced")
 _KEYS = (
     "Ts bandwidth_Hz Kp Ki Kd derivative_pole discretisation law position_gain velocity_gain integral_gain retained "
-    "velocity_feedforward span kp kv observer observer_model observer_gains model_inertia model_viscous "
+    "velocity_feedforward reference_velocity span kp kv observer observer_model observer_gains model_inertia model_viscous "
     "model_force_constant feedforward friction_compensation friction_bristle friction_weight friction_slip "
     "effect_feedforward feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples "
     "reference_interpolation states_at_first_row anti_windup command_limit_A standstill_band "
     "unloading"
 )
+
+
+DERIVATIVE = "derivative"
+# Velocity of the reference from its values, as rows before and after over which it is differenced.
+DIFFERENCES = {"backward difference": (1, 0), "central difference": (1, 1), "forward difference": (0, 1)}
 
 
 class DeployedController(NamedTuple):
@@ -55,6 +60,7 @@ class DeployedController(NamedTuple):
     bristle: friction_bristle.Bristle = friction_bristle.NEUTRAL  # of the compensation
     form: Any = None  # of the compensation, where it is not the model's
     effects: stage.Stage | None = None  # the model whose further effects are fed forward
+    reference_velocity: str = DERIVATIVE
 
 
 def read(file: Block) -> DeployedController | None:
@@ -88,6 +94,7 @@ def read(file: Block) -> DeployedController | None:
         _bristle(c),
         form,
         _effects(c, file, form),
+        c.word("reference_velocity", (DERIVATIVE, *DIFFERENCES), DERIVATIVE),
     )
 
 
@@ -222,7 +229,20 @@ def setpoints_of(p: DeployedController, reference: LoggedReference, rows: int, i
         setpoints[:, SETPOINT_COLUMNS["friction"]] += _against_effects(p.effects, p, at, count)[:rows]
     if injection is not None:
         setpoints[:, SETPOINT_COLUMNS["injection"]] = injection
-    return setpoints
+    return differenced(setpoints, p.reference_velocity, p.dt)
+
+
+def differenced(setpoints: Array, kind: str, dt: float) -> Array:
+    """The setpoints (n, 8) with a velocity of this `kind`, from their targets; the reference rests before and after."""
+    if kind == DERIVATIVE:
+        return setpoints
+    before, after = DIFFERENCES[kind]
+    target = np.pad(setpoints[:, SETPOINT_COLUMNS["target"]], (before, after), mode="edge")
+    own = setpoints.copy()
+    own[:, SETPOINT_COLUMNS["velocity"]] = (target[before + after :] - target[: len(setpoints)]) / (
+        (before + after) * dt
+    )
+    return own
 
 
 def _standing(logged: Array) -> NDArray[np.bool_]:
