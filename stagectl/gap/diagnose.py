@@ -197,6 +197,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
     effects = [confirmed(effect, closure, spared) for effect in shares.of_effects(conclusions.effects, closure.shares)]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
+    agrees = verdict == "none" and closure.gap.at_floor(closure.gap.before)
     return _empty(session, verdict)._replace(
         effects=tuple(effects),
         gap=closure.gap,
@@ -210,7 +211,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
         traces=tuple(closure.traces),
         notes=(*session.notes, *said.validation.warnings),
         cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
-        friction=shares.law_of(session.stage, said.validation),
+        friction=() if agrees else shares.law_of(session.stage, said.validation),
     )
 
 

@@ -159,7 +159,7 @@ def test_steps_of_torque_give_the_mechanics_of_the_catalogue(tmp_path: Path) -> 
     session = measured.hsm150(tmp_path, "idf_neg_0.04_1", "idf_pos_0.06_1")
     result = answer(session)
     assert "compliance" not in {effect.name for effect in result.named}
-    assert "No effect is missing" not in result.sentence
+    assert "no missing effect" not in result.sentence
     base = diagnose.baseline(session, ()).base.model.stage.mechanics
     assert base.inertia == pytest.approx(1.2e-4, rel=0.15) and base.viscous == pytest.approx(7.03e-5, rel=0.2)
 

@@ -35,9 +35,9 @@ _LIMIT = Quantity("A", "(0, inf]", "largest command")
 _SPAN = Quantity("", "[1, 2]", "periods over which the velocity is differenced")
 _KEYS = (
     "Ts bandwidth_Hz Kp Ki Kd derivative_pole discretisation law position_gain velocity_gain integral_gain retained "
-    "velocity_feedforward reference_velocity span kp kv observer observer_model observer_gains model_inertia model_viscous "
-    "model_force_constant feedforward friction_compensation friction_bristle friction_weight friction_slip "
-    "effect_feedforward feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples "
+    "velocity_feedforward reference_velocity span kp kv observer observer_model observer_gains model_inertia "
+    "model_viscous model_force_constant feedforward friction_compensation friction_bristle friction_weight "
+    "friction_slip effect_feedforward feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples "
     "reference_interpolation states_at_first_row anti_windup command_limit_A standstill_band "
     "unloading"
 )

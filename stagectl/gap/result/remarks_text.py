@@ -14,7 +14,9 @@ def ambiguous(result: DiagnosisResult) -> list[str]:
     for effect in (effect for effect in result.effects if effect.alternatives):
         probability = f"{effect.probability:.2f}"
         name = "one of them" if effect.parameter or probability == "1.00" else label(effect.name)
-        lines.append(f"{capital(candidates(effect))}: these data fit each of them; {name} has probability {probability}.")
+        lines.append(
+            f"{capital(candidates(effect))}: these data fit each of them; {name} has probability {probability}."
+        )
     return lines
 
 

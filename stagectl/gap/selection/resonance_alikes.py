@@ -7,14 +7,14 @@ With all friction at the motor, the answers of the position to the current are o
 Friction at the load tells them apart, as far as there is any.
 """
 
+import math
 from collections.abc import Callable
 
 from stagectl.gap.effects.effect import Values
-from stagectl.gap.selection import refine
+from stagectl.gap.selection import constants, linearised, refine
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.thresholds import AS_CLOSE
 
 Other = tuple[str, Callable[[Values], Values]]
 
@@ -34,7 +34,7 @@ OTHERS: dict[str, Other] = {"base_vibration": ("compliance", _load), "compliance
 
 
 def other_resonances(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> list[Fitted]:
-    """`now` with the other one of the two, last, in the place of `valued`; none where it is worse, or no candidate."""
+    """`now` with the other one of the two, last, in the place of `valued`; none where it is far worse, or none."""
     if valued.effect.name not in OTHERS:
         return []
     name, values_of = OTHERS[valued.effect.name]
@@ -43,5 +43,6 @@ def other_resonances(e: Evidence, library: Library, now: Fitted, valued: EffectV
         return []
     rest = [effect for effect in now.effects if effect is not valued]
     after = refine.refine(e, now.model, [*rest, EffectValues(form.effect, values_of(valued.values))])
-    most = now.residual_sum_of_squares * (1.0 + AS_CLOSE)
-    return [after] if after.residual_sum_of_squares <= most else []
+    instead, present = (linearised.remains(e, library, fitted) for fitted in (after, now))
+    odds = math.exp(-0.5 * linearised.gain_of_strokes(instead, present))
+    return [after] if odds >= constants.COMPARABLE else []
