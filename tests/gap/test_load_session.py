@@ -18,7 +18,10 @@ from stagectl.gap.logs.session import GapError, LogError, NominalValueError
 from stagectl.gap.validation import rollouts
 from stagectl.problem import ProblemKind
 from stagectl.recording.exports import write_csv
+from stagectl.recording.guess.importing import import_log
 from stagectl.recording.hdf5 import RecordingError, open_recording
+from stagectl.recording.imports import store
+from stagectl.recording.scales import Known
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
 from tests.identification import synthetic
 from tests.problems import refused
@@ -336,6 +339,18 @@ def test_a_log_is_read_as_import_reads_it(tmp_path: Path) -> None:
     (tmp_path / "nothing").mkdir()
     with refused(RecordingError, kind=ProblemKind.MISSING):
         load([tmp_path / "nothing"])
+
+
+def test_logs_of_one_machine_may_have_any_names(tmp_path: Path) -> None:
+    """Guessed logs, which are named by their files; the same as recordings, and in a folder of captures."""
+    setup, names = load_stage(CONFIG / "ball-screw.yaml"), ("a", "b")
+    header = "Time [s],Actual position [rad],Iq [A]"
+    logs = [synthetic.write_csv(tmp_path / f"{name}.csv", synthetic.motion(), header) for name in names]
+    imported = [import_log(log, setup, None, Known(), unsure=False)[0].recording for log in logs]
+    ours = [store([recording], log, log.with_suffix(".h5"))[0] for recording, log in zip(imported, logs, strict=True)]
+    for given in (logs, ours):
+        assert len(load(given, setup).logs) == 2
+    assert len(load([exported(ours, tmp_path / "out")], setup).logs) == 2
 
 
 def test_layers_may_differ_between_recordings(recordings: list[Path], tmp_path: Path) -> None:
