@@ -120,7 +120,7 @@ def _other_unit(how: Layout, at: int, taken: tuple[Choice, float], scales: Scale
     with contextlib.suppress(StageError):  # a unit that the axis cannot have is another one, too
         if not said or choice.sign * meaning(choice.quantity, said, scales)[1] == scale:
             return ""
-    return f"{how.name(at)} is read in {choice.unit}, as --columns says: its header says {said}"
+    return f"{how.name(at)} is read in {choice.unit}: its header says {said}"
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:
