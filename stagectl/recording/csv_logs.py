@@ -177,8 +177,8 @@ def _known(path: Path, how: Layout, scales: Scales) -> tuple[dict[str, tuple[str
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
         reason = (
-            f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say which are "
-            "they: --columns time=NAME,position=NAME:mm"
+            f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say "
+            "which they are: --columns time=NAME,position=NAME:mm"
         )
         raise RecordingError(reason, path, ProblemKind.MISSING, column=sorted(absent)[0])
     return known, notes

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError, LogError, NominalValueError
+from stagectl.gap.logs.sources import Description
 from stagectl.gap.validation import rollouts
 from stagectl.problem import ProblemKind
 from stagectl.recording.exports import write_csv
@@ -351,6 +352,26 @@ def test_logs_of_one_machine_may_have_any_names(tmp_path: Path) -> None:
     for given in (logs, ours):
         assert len(load(given, setup).logs) == 2
     assert len(load([exported(ours, tmp_path / "out")], setup).logs) == 2
+
+
+OWN = {"time_s": "t [s]", "reference_rad": "x_soll [rad]", "position_rad": "x_act [rad]", "current_A": "Iq [A]"}
+WORDS = {"time": "t [s]", "reference": "x_soll [rad]", "position": "x_act [rad]", "current": "Iq [A]"}
+
+
+@pytest.mark.parametrize("words", [None, WORDS])
+def test_a_folder_of_captures_may_have_headers_of_its_own(folder: Path, words: dict[str, str] | None) -> None:
+    """They are guessed as those of a lone log are, or named; what the two YAML files say holds all the same."""
+    known = load([folder])
+    for name in ("sine-1.csv", "sine-2.csv"):
+        rewrite(folder / name, lambda columns: {OWN.get(column, column): values for column, values in columns.items()})
+    session = load([folder], said=Description(words))
+    assert session.law == known.law and [log.experiment for log in session.logs] == ["sine", "sine"]
+    for log, same in zip(session.logs, known.logs, strict=True):
+        assert log.reference is not None and same.reference is not None and log.current is not None
+        np.testing.assert_array_equal(log.position, same.position)
+        np.testing.assert_array_equal(log.reference, same.reference)
+        np.testing.assert_array_equal(log.current, same.current)
+    assert any("position is taken from" in note for note in session.notes) == (words is None)
 
 
 def test_layers_may_differ_between_recordings(recordings: list[Path], tmp_path: Path) -> None:
