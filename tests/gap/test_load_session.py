@@ -374,6 +374,15 @@ def test_a_folder_of_captures_may_have_headers_of_its_own(folder: Path, words: d
     assert any("position is taken from" in note for note in session.notes) == (words is None)
 
 
+@pytest.mark.parametrize("words", [None, {"time": "time_s", "position": "position_rad"}])
+def test_a_folder_of_another_kind_of_axis_is_refused(folder: Path, words: dict[str, str] | None) -> None:
+    setup, beside = load_stage(CONFIG / "ball-screw.yaml"), folder / "nominal.yaml"
+    assert load([folder], setup, Description(words)).kind == "rotary"
+    edit(beside, lambda nominal: nominal["stage"].update(kind="linear", position_unit="m"))
+    with refused(RecordingError, kind=ProblemKind.CONFLICT, file=beside):
+        load([folder], setup, Description(words))
+
+
 def test_layers_may_differ_between_recordings(recordings: list[Path], tmp_path: Path) -> None:
     """The law is the same; each recording has its own feedforward."""
     (bare,) = recorded(tmp_path, SINE, 1, without=frozenset({"ptc", "friction"}))

@@ -213,6 +213,14 @@ def test_the_unit_of_a_named_velocity_tells_the_axis(tmp_path: Path, unit: str, 
     assert guessed is None and recording.meta["axis"]["kind"] == kind
 
 
+def test_a_velocity_beside_a_position_is_not_taken_without_a_word(tmp_path: Path) -> None:
+    made = damage.motion()
+    columns = {"t": made["time"], "x": made["position"], "v": np.gradient(made["position"], made["time"])}
+    words = {"time": "1:s", "position": "2:rad", "velocity": "3:rad/s"}
+    with refused(RecordingError, kind=ProblemKind.CONFLICT, column="velocity"):
+        import_log(written(tmp_path, columns, "t,x,speed"), None, words, UNKNOWN, unsure=False)
+
+
 WORDS = {"time": "1:s", "position": "2:deg", "current": "3:Nm"}
 
 
