@@ -37,7 +37,7 @@ MOST_ROWS_LATE = len(NO_COMMANDS) - 1  # that the model's delay lines hold
 def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = NOTHING_SAID) -> Session:
     """The session in a folder of captures, in recordings of ours, or in single logs; `stage` is their machine.
 
-    `said` describes single logs that do not say what their columns are, or which machine they are of.
+    `said` describes logs that do not say what their columns are, or which machine they are of.
 
     Raises LogError where the logs do not belong together, NominalValueError where a value of the nominal model cannot
     be used, RecordingError where a file cannot be read.
