@@ -21,7 +21,7 @@ from stagectl.kernels.effects import Harmonic
 from stagectl.report.methods import simultaneous as report
 from stagectl.trajectories import Sine
 from tests.conftest import Tracked
-from tests.foreign_plants import capture_cases, oracle
+from tests.foreign_plants import capture_cases, motions, oracle
 from tests.foreign_plants.nominal import STAGE_FILE
 from tests.identification import synthetic
 from tests.identification.driven import Sensor, capture, sine
@@ -282,6 +282,21 @@ def test_several_captures_are_one_answer(ball_screw: Setup) -> None:
     assert together.high - together.low < min(part.high - part.low for part in apart)
     assert abs(errors(both, p)["inertia"]) < 0.3
     assert any(isinstance(note, Note) and note.topic is Topic.LEFT_OUT and "standing.h5" in note for note in both.notes)
+
+
+def test_four_logs_know_no_less_than_one(tmp_path: Path) -> None:
+    """With every row worth one, an error of form of thousandths was a friction of its own: Tc to 10 %, not to 0.4."""
+    setting = capture_cases.setting_of(3)._replace(counts=2**20, row=DT, duration=10.0, column="measured", lead_in=0.0)
+    files = []
+    for motion in motions.MOTIONS:
+        case = capture_cases.capture_of(setting._replace(motion=motion))
+        files.append(tmp_path / f"{motion}.csv")
+        capture_cases.write(files[-1], case.columns)
+    axis = sc.load_stage(STAGE_FILE).changed({"encoder.counts_per_revolution": setting.counts})
+    one, four = (sc.identify(axis, logs).parameters for logs in (files[2], files))
+    for name in ("inertia", "viscous", "coulomb"):
+        assert four[name].half <= 1.3 * one[name].half
+        assert four[name].low <= getattr(case.truth, name) <= four[name].high
 
 
 def refused(kind: str, p: stage.Stage) -> Capture:
