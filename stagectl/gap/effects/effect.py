@@ -83,6 +83,7 @@ class Shape(NamedTuple):
     refined: bool = True  # False: a choice
     low: float = 0.0
     high: float = math.inf
+    width: float = math.inf  # a change by which its column becomes another one
 
 
 class TimeVariation(NamedTuple):

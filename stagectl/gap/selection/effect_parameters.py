@@ -24,8 +24,9 @@ def directions(model: TrackedModel, effects: Sequence[EffectValues]) -> list[Dir
             size = max(abs(valued.values[amplitude.name]), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
             moving.append(_replaced(model, effects, (k, amplitude.name), narrow * thresholds.AMPLITUDE_CHANGE * size))
         moving += [
-            _replaced(model, effects, (k, shape.name), narrow * thresholds.SHAPE_CHANGE * valued.values[shape.name])
+            _replaced(model, effects, (k, shape.name), narrow * thresholds.SHAPE_CHANGE * min(value, shape.width))
             for shape in _refined(valued)
+            for value in [valued.values[shape.name]]
         ]
     return moving
 
