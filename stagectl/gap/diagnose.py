@@ -209,7 +209,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
         unknown=shape,
         traces=tuple(closure.traces),
         notes=(*session.notes, *said.validation.warnings),
-        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
+        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session), *unknown.without_pitch(session, shape)),
         friction=shares.law_of(session.stage, said.validation),
     )
 
