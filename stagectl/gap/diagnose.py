@@ -210,7 +210,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
         unknown=shape,
         traces=tuple(closure.traces),
         notes=(*session.notes, *said.validation.warnings),
-        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
+        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session), *unknown.without_pitch(session, shape)),
         friction=() if agrees else shares.law_of(session.stage, said.validation),
     )
 

@@ -17,7 +17,7 @@ from stagectl.identification.result import IdentificationResult, Note, Topic, to
 from stagectl.identification.simultaneous import conditions, temper
 from stagectl.identification.simultaneous.method import identify
 from stagectl.kernels import friction, stage
-from stagectl.kernels.effects import Harmonic
+from stagectl.kernels.effects import TURN, Harmonic
 from stagectl.report.methods import simultaneous as report
 from stagectl.trajectories import Sine
 from tests.conftest import Tracked
@@ -218,6 +218,30 @@ def test_ripple_does_not_bias_the_inertia(ball_screw: Setup, frequency: float) -
     assert abs(errors(result, ball_screw.stage)["inertia"]) < 0.3
     assert result.details["ripple"] == pytest.approx(0.05, rel=0.2)
     assert Topic.RIPPLE in topics(result.notes)
+
+
+def _ripple_of_slider(pitch: float) -> tuple[IdentificationResult, str]:
+    """The slider with a cogging of 1 N once per 24 mm, and what is said of it where its file states this `pitch`."""
+    slider = load_stage(CONFIG / "linear-slider.yaml")
+    file = slider.file._replace(mechanics=slider.file.mechanics._replace(pitch=pitch))
+    cogging = Harmonic(1.0, slider.stage.mechanics.pitch / 24e-3, 0.4)
+    p = slider.stage._replace(motor=slider.stage.motor._replace(cogging=cogging))
+    record = capture(p, sine(2.0, 1.6, 6.0, DT, 0.5 * math.pi), DT, Sensor(sensor=0.01))
+    result = identify([record], file, delay(p, "measured_current"))
+    said = [note for note in result.notes if isinstance(note, Note) and note.topic is Topic.RIPPLE]
+    return result, " ".join(map(str, said))
+
+
+def test_cogging_of_a_linear_axis_is_taken_out_over_its_pitch() -> None:
+    result, said = _ripple_of_slider(24e-3)
+    assert result.parameters["inertia"].value == pytest.approx(6.0, rel=3e-3)
+    assert result.details["ripple"] == pytest.approx(1.0, rel=0.1) and "once per pitch" in said
+
+
+def test_cogging_of_a_linear_axis_without_a_pitch_asks_for_it() -> None:
+    result, said = _ripple_of_slider(TURN)
+    assert abs(result.parameters["inertia"].value / 6.0 - 1.0) > 3e-3
+    assert "mechanics.pitch" in said and "gap diagnose" in said
 
 
 def test_a_ripple_that_is_not_there_is_not_taken_out(ball_screw: Setup) -> None:

@@ -113,22 +113,39 @@ def _with_modes(usual: Sequence[float], s: Scales, higher: float) -> tuple[float
     return (*seen, *grids.told_by_rows(far, s.dt))
 
 
+def _cogging_order(s: Scales) -> tuple[Shape, float]:
+    """The order, and where its angle counts from (rad | m).
+
+    A whole order of the pitch is exact.  Where the pitch is not known, none is whole: the order is fitted, and the
+    angle counts from the middle of the travel, as far from there a phase says nothing.
+    """
+    orders = s.orders.get("cogging", ())
+    fitted = bool(orders) and not any(order.is_integer() for order in orders)
+    return Shape("order", "", orders, fitted, width=s.pitch / s.stroke), s.centre if fitted else 0.0
+
+
+def _cogging(s: Scales) -> Parameters:
+    order, origin = _cogging_order(s)
+    wave = harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, order.grid)
+    return wave._replace(shapes=(order,), apply=harmonic("motor.cogging", origin))
+
+
 def _cogging_map(s: Scales) -> Parameters | None:
     """A harmonic of the pitch with three of its multiples, as poles and teeth of a motor give them."""
-    orders = s.orders.get("cogging", ())
-    if not orders:
+    if not s.orders.get("cogging"):
         return None
     size = max(0.02 * s.coulomb, grids.COGGING_OF_EFFORT * s.force_constant * s.current)
     pairs = [Amplitude(f"{part}_{k}", _EFFORT, (size,)) for k in range(1, 5) for part in ("sine", "cosine")]
     multiples = [Shape(f"multiple_{k}", "", (float(k),), False) for k in range(2, 5)]
+    lowest, origin = _cogging_order(s)
 
     def apply(p: Stage, v: Values) -> Stage:
         for k, place in enumerate(_COGGING, 1):
             order = v["order"] * (v[f"multiple_{k}"] if k > 1 else 1.0)
-            p = harmonic(place)(p, {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": order})
+            p = harmonic(place, origin)(p, {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": order})
         return p
 
-    return Parameters(tuple(pairs), (Shape("order", "", orders, False), *multiples), apply)
+    return Parameters(tuple(pairs), (lowest, *multiples), apply)
 
 
 def _gravity(s: Scales) -> Parameters | None:
@@ -149,7 +166,7 @@ PARAMETERS: dict[str, ParametersOf] = {
     "presliding": _share(stretched),
     "force_constant": _share(scaled("motor.force_constant")),
     "bias": lambda s: sized(Amplitude("effort", _EFFORT, (0.1 * s.coulomb,)), "mechanics.bias")(s),
-    "cogging": lambda s: harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, s.orders.get("cogging", ())),
+    "cogging": _cogging,
     "cogging_map": _cogging_map,
     "gravity": _gravity,
     "current_ripple": lambda s: harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ()), 0.2),

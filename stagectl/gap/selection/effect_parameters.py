@@ -35,7 +35,7 @@ def _change(shape: Shape, value: float) -> float:
     """By how much a shape is changed for its column; a share towards its middle, from 0 as well."""
     if shape.share:
         return math.copysign(thresholds.SHARE_CHANGE, 0.5 - value)
-    return thresholds.SHAPE_CHANGE * value
+    return thresholds.SHAPE_CHANGE * min(value, shape.width)
 
 
 def _narrowness(valued: EffectValues) -> float:
