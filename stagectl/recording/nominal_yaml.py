@@ -193,6 +193,7 @@ def _cascade(meta: dict[str, Any]) -> dict[str, Any]:
         "integral_gain": 2.0 * p["integral"] / meta["dt"],
         "retained": p["retained"],
         "velocity_feedforward": p["share"],
+        "reference_velocity": "derivative",
         "span": p["span"],
     }
 

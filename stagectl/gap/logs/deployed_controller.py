@@ -94,8 +94,13 @@ def read(file: Block) -> DeployedController | None:
         _bristle(c),
         form,
         _effects(c, file, form),
-        c.word("reference_velocity", (DERIVATIVE, *DIFFERENCES), DERIVATIVE),
+        c.word("reference_velocity", (DERIVATIVE, *DIFFERENCES), DERIVATIVE) if _follows_velocity(c) else DERIVATIVE,
     )
+
+
+def _follows_velocity(c: Block) -> bool:
+    """Whether the controller takes a velocity from the reference."""
+    return c.has("position_gain") and c.has("velocity_feedforward")
 
 
 def _law(c: Block, dt: float) -> law.Law:
