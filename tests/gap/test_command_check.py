@@ -14,7 +14,8 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.controller_check import recomputed_command
 from stagectl.gap.controller_check.command_check import CommandCheck, check_command, resolution
-from stagectl.gap.logs.deployed_controller import DIFFERENCES, differenced
+from stagectl.gap.logs.deployed_controller import DIFFERENCES
+from stagectl.gap.logs.deployed_setpoints import differenced
 from stagectl.gap.logs.load_session import load
 from stagectl.kernels.law import OUTPUT_COLUMNS
 from stagectl.recording.replay import recomputed

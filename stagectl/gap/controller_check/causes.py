@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from stagectl.gap.controller_check import thresholds
 from stagectl.gap.controller_check.recomputed_command import Comparison
-from stagectl.gap.logs.deployed_controller import DIFFERENCES, differenced
+from stagectl.gap.logs.deployed_controller import DIFFERENCES
+from stagectl.gap.logs.deployed_setpoints import differenced
 from stagectl.gap.logs.session import Array, Session
 from stagectl.kernels import friction, friction_path, law
 from stagectl.recording.replay import recomputed
