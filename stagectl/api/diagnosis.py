@@ -191,7 +191,7 @@ def diagnose(
 
     `session` is a folder of recordings or captures, or one or several logs.  `stage` is the model, if the logs contain
     none.  Instead of a stage file, `model` takes the block ``stage`` of a ``nominal.yaml``: kind, force_constant,
-    inertia, ... (SI), or a MuJoCo model: ``FILE.xml``, ``FILE.xml#JOINT``.  `columns` names the columns of single logs,
+    inertia, ... (SI), or a MuJoCo model: ``FILE.xml``, ``FILE.xml#JOINT``.  `columns` names the columns of logs,
     see `load_log`.  `exclude` names effects that must not be candidates; `full` takes a larger null ensemble; without
     `advice` no next experiment is sought.  `doubtful` diagnoses logs that fit the model only in another unit or with
     the other sign.

@@ -197,6 +197,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
     effects = [confirmed(effect, closure, spared) for effect in shares.of_effects(conclusions.effects, closure.shares)]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
+    agrees = verdict == "none" and closure.gap.at_floor(closure.gap.before)
     return _empty(session, verdict)._replace(
         effects=tuple(effects),
         gap=closure.gap,
@@ -209,8 +210,8 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
         unknown=shape,
         traces=tuple(closure.traces),
         notes=(*session.notes, *said.validation.warnings),
-        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session)),
-        friction=shares.law_of(session.stage, said.validation),
+        cannot_tell=(*session.cannot_tell, *whitening.unjudged(session), *unknown.without_pitch(session, shape)),
+        friction=() if agrees else shares.law_of(session.stage, said.validation),
     )
 
 

@@ -212,7 +212,6 @@ STRIBECK_OPERATORS = (3, 8, 14)  # stop operators that have Stribeck columns
 STRIBECK_SPEEDS, STRIBECK_COLUMNS = (0.01, FASTEST_STRIBECK), 6
 MEMORIES = (5e-3, 20e-3, 80e-3)  # s, after which friction follows its Stribeck curve; source in `friction_columns`
 PATH_STEP = 1e-3  # s: a friction law follows a motion that is sampled at least as fast
-FINE_WINDOW = 2.1e-3  # s, knot distance from which the encoder's steps hide the speed between samples
 
 # Simultaneous: what is known before the data.  Doubts are standard deviations.
 INERTIA_DOUBT, VISCOUS_DOUBT = 0.3, 0.5  # of the stage file's values; as in the diagnosis of the gap
@@ -259,10 +258,11 @@ SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen
 
 # Simultaneous: doubts.  Chosen, but for RIPPLE.
 RIPPLE = 12.0  # Wald's statistic above which a ripple is reported; by chance once in four hundred
-RIPPLE_ORDERS = 12  # periods a revolution up to which a ripple is looked for: pole pairs, slots
+RIPPLE_ORDERS = 12  # periods a turn up to which a ripple is looked for: pole pairs, slots
 RIPPLE_PERIODS, HIGHER_RIPPLE = 2.0, 0.3  # periods of an order in the travel; its scale over that of the first order
 GRAVITY = 100.0  # in Coulomb frictions: scale of gravity's terms in the angle; loose
 RIPPLE_TRAVEL = 1.5  # rad, least travel that separates a ripple from the rest
+PLACES, PLACED = 100, 0.3  # parts of the travel; share of the residual that their means explain, from which it is said
 UNSURE, USELESS = 0.05, 0.2  # half of an interval over its value: reported; left out of the stage file
 NOT_EXCITED = 0.5  # half of an interval over that of the prior: the value rests on the stage file
 

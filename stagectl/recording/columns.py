@@ -209,7 +209,7 @@ def of_choices(chosen: list[Choice], stated: Stated, path: Path) -> tuple[Scales
     """The axis, and our columns by name: where each is, and its factor into SI.
 
     The scales are those that are `stated`, else those that follow from the units of the positions, with what is known.
-    Raises RecordingError where time or position is not among them.
+    Raises RecordingError where time or position is not among them, or a velocity is beside the position.
     """
     units = (choice.unit for choice in chosen if choice.quantity in ("position", "velocity"))
     scales = stated.taken or stated.known.on(scales_by_unit(units, path))
@@ -225,6 +225,9 @@ def of_choices(chosen: list[Choice], stated: Stated, path: Path) -> tuple[Scales
             reason = f"{path} has two columns for {ours}, {found[ours][0].name} and {choice.name}: name one"
             raise RecordingError(reason, path, ProblemKind.REPEATED, column=ours)
         found[ours] = (choice, scale * choice.sign)
+    if {"measured", "velocity"} <= found.keys():
+        reason = f"{path}: --columns names a velocity, which is used only where there is no position: leave it out"
+        raise RecordingError(reason, path, ProblemKind.CONFLICT, column="velocity")
     for ours, quantity in (("time", "time"), ("measured", "position")):
         if ours not in found and not (ours == "measured" and "velocity" in found):
             reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"

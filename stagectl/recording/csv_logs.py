@@ -1,6 +1,7 @@
 """CSV files as logs: a header of quantities and units, our own exports, or columns that the user names."""
 
 import contextlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,11 @@ from stagectl.recording.csv_layout import WORDS, Layout, layout
 from stagectl.recording.csv_table import read_table
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.in_memory import header
+from stagectl.recording.metadata import flat
 from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError
+
+_KIND = ("stage.position_unit", "stage.kind")  # of nominal.yaml, which tell the kind of the axis; the first decides
 
 
 def read(path: Path, stated: Stated, about: dict[str, Any]) -> Log:
@@ -35,7 +39,7 @@ def read(path: Path, stated: Stated, about: dict[str, Any]) -> Log:
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
-    chosen = choices(stated.columns)
+    nominal, chosen = _nominal(path, stated, about), choices(stated.columns)
     how = _headed(layout(path), chosen)
     if chosen:
         return _chosen(path, how, chosen, stated)
@@ -48,9 +52,7 @@ def read(path: Path, stated: Stated, about: dict[str, Any]) -> Log:
         raise RecordingError(reason, path, ProblemKind.MISSING)
     if how.skipped > 1 and not _says_all(how):
         raise RecordingError(f"{path} {_preamble(how)}", path, ProblemKind.MISSING)
-    beside = path.parent / "nominal.yaml"
-    nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
-    described = stated.scales or (scales_of_nominal(nominal, beside) if nominal else None)
+    described = stated.scales or (scales_of_nominal(nominal, path.parent / "nominal.yaml") if nominal else None)
     scales = _scales(path, names, stated, described)
     _of_this_kind(path, names, scales)
     found, notes = _known(path, how, scales)
@@ -60,6 +62,16 @@ def read(path: Path, stated: Stated, about: dict[str, Any]) -> Log:
     labels = {ours: name for name, (ours, _) in found.items()}
     notes = [*_skipped(how), *notes, *cut]
     return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})}, labels)
+
+
+def _nominal(path: Path, stated: Stated, about: Mapping[str, Any]) -> dict[str, Any]:
+    """The nominal.yaml of a log.  Raises RecordingError where its axis is of another kind than the stage's."""
+    beside = path.parent / "nominal.yaml"
+    nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
+    said = [f"{key}: {flat(nominal)[key]}" for key in _KIND if flat(nominal).get(key)]
+    if said and stated.setup is not None:
+        check_kind(beside, said[0], scales_of_nominal(nominal, beside).kind, scales_of_stage(stated.setup))
+    return dict(nominal)
 
 
 def _headed(how: Layout, chosen: list[Choice]) -> Layout:
@@ -120,7 +132,7 @@ def _other_unit(how: Layout, at: int, taken: tuple[Choice, float], scales: Scale
     with contextlib.suppress(StageError):  # a unit that the axis cannot have is another one, too
         if not said or choice.sign * meaning(choice.quantity, said, scales)[1] == scale:
             return ""
-    return f"{how.name(at)} is read in {choice.unit}, as --columns says: its header says {said}"
+    return f"{how.name(at)} is read in {choice.unit}: its header says {said}"
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:
@@ -177,8 +189,8 @@ def _known(path: Path, how: Layout, scales: Scales) -> tuple[dict[str, tuple[str
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
         reason = (
-            f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say which are "
-            "they: --columns time=NAME,position=NAME:mm"
+            f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say "
+            "which they are: --columns time=NAME,position=NAME:mm"
         )
         raise RecordingError(reason, path, ProblemKind.MISSING, column=sorted(absent)[0])
     return known, notes

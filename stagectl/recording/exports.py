@@ -22,8 +22,8 @@ from stagectl.recording import export_targets, mcap_log
 from stagectl.recording.constants import AT_REST, RUN
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.in_memory import header, units_of
-from stagectl.recording.metadata import flat, made_at
-from stagectl.recording.nominal_yaml import nominal_of
+from stagectl.recording.metadata import made_at
+from stagectl.recording.nominal_yaml import difference, nominal_of
 from stagectl.replacing import check_replaceable, replaced, write_text
 from stagectl.trajectories import Recorded
 
@@ -168,12 +168,12 @@ def write_folder(recordings: list[Recording], path: Path | None) -> Exported:
     export_targets.check_folder(folder, [entry["file"] for entry in entries], path is not None)
     nominal = nominal_of(recordings[0])
     for other in recordings[1:]:
-        if difference := _difference(nominal, nominal_of(other)):
+        if differs := difference(nominal, nominal_of(other)):
             reason = (
-                f"{other.path} differs from {recordings[0].path} in {difference}; the captures of a folder share "
+                f"{other.path} differs from {recordings[0].path} in {differs}; the captures of a folder share "
                 "one nominal.yaml: export them to folders of their own"
             )
-            raise RecordingError(reason, other.path, ProblemKind.CONFLICT, column=difference.split(" ")[0])
+            raise RecordingError(reason, other.path, ProblemKind.CONFLICT, column=differs.split(" ")[0])
     captures, notes = [], []
     with RecordingError.instead_of((OSError,), f"{folder} cannot be written", folder, ProblemKind.FILE):
         folder.mkdir(parents=True, exist_ok=True)
@@ -239,13 +239,6 @@ def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
         entry.update({key: known[key] for key in ("repeat", "use", "start_s") if key in known})
         entries.append(entry)
     return entries
-
-
-def _difference(a: dict[str, Any], b: dict[str, Any]) -> str:
-    """Where two nested blocks first differ; an empty string where they are equal."""
-    one, other = flat(a), flat(b)
-    differing = (key for key in one | other if one.get(key) != other.get(key))
-    return next((f"{key} ({one.get(key)} and {other.get(key)})" for key in differing), "")
 
 
 def _dump(path: Path, values: Any) -> None:

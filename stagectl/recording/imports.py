@@ -7,7 +7,7 @@ import hashlib
 import time as clock
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from stagectl.recording.csv_layout import is_table
 from stagectl.recording.hdf5 import Recording, RecordingError, check_target, open_recording, save
 from stagectl.recording.metadata import STAMP, versions
 from stagectl.recording.repair import repaired
-from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, read_values
+from stagectl.recording.scales import NOTHING_KNOWN, Known, Scales, read_values, scales_of_nominal
 from stagectl.recording.wrong_units import by_rows
 
 # How a file of another kind becomes one that can be imported, in Python.
@@ -40,6 +40,14 @@ _TURNED = {
 }
 
 
+class SourceLog(NamedTuple):
+    """A log to read."""
+
+    path: Path
+    stated: Stated
+    about: Mapping[str, Any]  # what a folder of captures says of it, for the recording's meta
+
+
 def read(
     path: Path,
     setup: Setup | None = None,
@@ -54,19 +62,25 @@ def read(
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
-    if path.is_dir():
-        if columns:
-            reason = f"{path} is a folder of captures, whose headers name the columns: leave out --columns"
-            raise RecordingError(reason, path, ProblemKind.CONFLICT)
-        return _folder(path, setup, known)
+    stated = Stated(setup, columns, scales, known)
+    logs = captures(path, stated) if path.is_dir() else [SourceLog(path, stated, {})]
+    return [read_log(log) for log in logs]
+
+
+def read_log(source: SourceLog) -> Recording:
+    """The recording in one log.  Raises RecordingError, with file and row, where it cannot be understood."""
+    path, stated, about = source
     if not path.is_file():
         raise RecordingError(f"{path}: {absent(path)}", path, ProblemKind.FILE)
-    kind, stated = path.suffix.lower(), Stated(setup, columns, scales, known)
+    kind = path.suffix.lower()
     if is_text_log(path):
-        return [_clocked(_recording(csv_logs.read(path, stated, {})), setup)]
-    if kind == ".mat":
-        return [_clocked(_recording(mat_logs.read(path, stated)), setup)]
-    raise RecordingError(_no_log(path, kind), path, ProblemKind.SHAPE)
+        log = csv_logs.read(path, stated, dict(about))
+    elif kind == ".mat":
+        log = mat_logs.read(path, stated)
+    else:
+        raise RecordingError(_no_log(path, kind), path, ProblemKind.SHAPE)
+    log = log._replace(about={**log.about, **about})
+    return _clocked(_recording(_with_beside(log, about.get("capture", {}))), stated.setup)
 
 
 def is_text_log(path: Path) -> bool:
@@ -195,30 +209,42 @@ def _out_of_order(log: Log, time: Array, stamps: Array) -> RecordingError:
     return RecordingError(reason, log.path, ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=last)
 
 
-def _folder(folder: Path, setup: Setup | None, known: Known) -> list[Recording]:
-    if not (folder / "captures.yaml").is_file():
-        reason = f"{folder} holds no captures.yaml, so it is no folder of captures: name the logs in it one by one"
-        raise RecordingError(reason, folder, ProblemKind.MISSING)
-    entries = read_values(folder / "captures.yaml").get("captures")
-    if not isinstance(entries, list) or not entries:
-        reason = f"{folder / 'captures.yaml'} must hold a list `captures:` with at least one entry"
-        raise RecordingError(reason, folder / "captures.yaml", ProblemKind.SHAPE)
-    nominal = read_values(folder / "nominal.yaml") if (folder / "nominal.yaml").is_file() else {}
-    recordings = []
-    for number, entry in enumerate(entries):
-        if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
-            reason = f"captures[{number}] needs `file:`, the name of its CSV ({folder / 'captures.yaml'})"
-            raise RecordingError(reason, folder / "captures.yaml", ProblemKind.MISSING)
-        path = folder / entry["file"]
-        if not path.is_file():
-            raise RecordingError(
-                f"captures[{number}].file = {entry['file']}; no such file in {folder}", path, ProblemKind.FILE
-            )
+def captures(folder: Path, stated: Stated) -> list[SourceLog]:
+    """The logs that captures.yaml lists; the nominal.yaml beside it gives their scales where no stage does.
+
+    Raises RecordingError where an entry names no file.
+    """
+    beside = folder / "nominal.yaml"
+    nominal = read_values(beside) if beside.is_file() else {}
+    described = stated._replace(scales=scales_of_nominal(nominal, beside)) if nominal and not stated.setup else stated
+    logs = []
+    for path, entry in _entries(folder):
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
         if nominal and path.parent == folder:  # read once for all of them
-            about["nominal"] = nominal
-        recordings.append(_recording(_with_beside(csv_logs.read(path, Stated(setup, known=known), about), entry)))
-    return recordings
+            logs.append(SourceLog(path, described, {**about, "nominal": nominal}))
+        else:
+            logs.append(SourceLog(path, stated, about))
+    return logs
+
+
+def _entries(folder: Path) -> list[tuple[Path, dict[str, Any]]]:
+    """The entries of captures.yaml, and the file of each.  Raises RecordingError where one names none."""
+    listed = folder / "captures.yaml"
+    if not listed.is_file():
+        reason = f"{folder} holds no captures.yaml, so it is no folder of captures: name the logs in it one by one"
+        raise RecordingError(reason, folder, ProblemKind.MISSING)
+    entries = read_values(listed).get("captures")
+    if not isinstance(entries, list) or not entries:
+        reason = f"{listed} must hold a list `captures:` with at least one entry"
+        raise RecordingError(reason, listed, ProblemKind.SHAPE)
+    for number, entry in enumerate(entries):
+        if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
+            reason = f"captures[{number}] needs `file:`, the name of its CSV ({listed})"
+            raise RecordingError(reason, listed, ProblemKind.MISSING)
+        if not (path := folder / entry["file"]).is_file():
+            reason = f"captures[{number}].file = {entry['file']}; no such file in {folder}"
+            raise RecordingError(reason, path, ProblemKind.FILE)
+    return [(folder / entry["file"], entry) for entry in entries]
 
 
 def _with_beside(log: Log, entry: Mapping[str, Any]) -> Log:

@@ -19,7 +19,7 @@ from stagectl.kernels.effects import TURN
 from stagectl.kernels.unloading import Unloading
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError
-from stagectl.recording.metadata import written
+from stagectl.recording.metadata import flat, written
 from stagectl.units import LINEAR, ROTARY
 
 # The last section of a capture folder's description, for our own law.
@@ -55,6 +55,13 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
         "controller": _controller(file, meta),
         **({"effects": nominal} if (nominal := effects_of(file)) else {}),
     }
+
+
+def difference(a: dict[str, Any], b: dict[str, Any]) -> str:
+    """Where two descriptions first differ, apart from their names, which decide nothing; empty where nowhere."""
+    one, other = flat(a), flat(b)
+    differing = (key for key in one | other if key != "stage.name" and one.get(key) != other.get(key))
+    return next((f"{key} ({other.get(key)} and {one.get(key)})" for key in differing), "")
 
 
 def effects_of(file: StageFile) -> dict[str, Any]:
@@ -186,6 +193,7 @@ def _cascade(meta: dict[str, Any]) -> dict[str, Any]:
         "integral_gain": 2.0 * p["integral"] / meta["dt"],
         "retained": p["retained"],
         "velocity_feedforward": p["share"],
+        "reference_velocity": "derivative",
         "span": p["span"],
     }
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
+from stagectl.config.stage_file import load_stage
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.selection import candidates, established
 from stagectl.gap.selection.candidates import EffectValues
+from tests.conftest import CONFIG
 
 SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
 
@@ -29,6 +33,25 @@ def test_what_is_smaller_than_a_trace_is_no_effect() -> None:
         assert established.is_trace(EffectValues(cogging, values)) == trace
     backlash = next(effect for effect in definitions(SIZE) if effect.name == "backlash")
     assert not established.is_trace(EffectValues(backlash, {"gap": 0.0}))
+
+
+def test_an_order_is_fitted_where_no_pitch_is_known_about_the_middle_of_the_travel() -> None:
+    """Far from the zero of the position, another order would need another phase.  A whole order stays as it is."""
+    size = SIZE._replace(centre=60.0)
+
+    def force(name: str, order: float) -> float:
+        of = {effect.name: effect for effect in definitions(size._replace(orders={"cogging": (order,)}))}
+        values = {amplitude.name: 1.0 for amplitude in of[name].amplitudes}
+        shapes = {shape.name: shape for shape in of[name].shapes}
+        assert shapes["order"].refined != order.is_integer()
+        fixed = {shape: float(place.grid[0]) for shape, place in shapes.items()}
+        motor = of[name].apply(load_stage(CONFIG / "emps.yaml").stage, {**values, **fixed}).motor
+        angle = motor.cogging.order * size.centre / load_stage(CONFIG / "emps.yaml").stage.mechanics.pitch
+        return math.sin(math.tau * angle + motor.cogging.phase) * motor.cogging.amplitude
+
+    for name in ("cogging", "cogging_map"):
+        assert force(name, 18.4) == pytest.approx(1.0) == pytest.approx(force(name, 23.1))
+        assert force(name, 18.0) != pytest.approx(1.0, abs=0.1)
 
 
 def test_no_frequency_is_tried_that_no_row_tells() -> None:

@@ -29,10 +29,11 @@ FILES = dict(re.findall(r'(?ms)^```\w+ title="([\w.-]+)"\n(.*?)^```', PAGE))
 ROWS = 200  # of each capture: the page prints the first ones
 # Ranges that follow from two places of the code, or from one that is no range.
 NARROWER = {"controller.frame_samples": "2", "stage.encoder_step": "(0, 1]"}
-COMPUTED = {  # defaults that depend on other keys
+COMPUTED = {  # defaults that depend on other keys, or are no decimal number
     "controller.friction_advance_s": "`feedforward_advance_s` + Ts/2",
     "drive.delay_samples": "1 with `controller.Ts`, else 0",
     "stage.encoder_step": "continuous",
+    "stage.pitch": "2 pi",
 }
 BRISTLE = {"coulomb": 1.0, "stiffness": 1e4, "stribeck": {"rise": 0.3, "velocity": 0.1}}
 WHOLE: dict[str, Any] = {

@@ -14,7 +14,11 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.controller_check import recomputed_command
 from stagectl.gap.controller_check.command_check import CommandCheck, check_command, resolution
+from stagectl.gap.logs.deployed_controller import DIFFERENCES
+from stagectl.gap.logs.deployed_setpoints import differenced
 from stagectl.gap.logs.load_session import load
+from stagectl.kernels.law import OUTPUT_COLUMNS
+from stagectl.recording.replay import recomputed
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
 
 EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
@@ -272,6 +276,22 @@ def test_a_cascade_survives_and_agrees(tmp_path: Path) -> None:
     check = check_command(session)
     assert session.law is not None and session.law.cascaded
     assert check.agrees and check.worst < 1e-5
+
+
+@pytest.mark.parametrize("kind", DIFFERENCES)
+def test_a_velocity_of_differences_is_named_and_can_be_described(tmp_path: Path, kind: str) -> None:
+    """A drive takes the velocity of the reference from its values: half a period early or late, or by both rows."""
+    folder = exported(recorded(tmp_path / "own", SINE, 1, "linear-slider"), tmp_path / "out", setpoints=False)
+    session = load([folder])
+    (log,) = session.logs
+    assert session.law is not None and log.setpoints is not None
+    terms = recomputed(session.law, differenced(log.setpoints, kind, session.dt), log.position)
+    command = terms[:, OUTPUT_COLUMNS["command"]]
+    rewrite(next(folder.glob("*.csv")), lambda columns: {**columns, "current_command_A": command})
+    check = check_command(load([folder]))
+    assert not check.agrees and check.cause is not None
+    assert check.cause.kind == "reference_velocity" and kind in check.cause.words
+    assert controller(folder, lambda _: {"reference_velocity": kind}).agrees
 
 
 @pytest.mark.skipif(not EMPS.exists(), reason="the EMPS record is not next to this repository (../shared/data/emps)")

@@ -15,10 +15,14 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError, LogError, NominalValueError
+from stagectl.gap.logs.sources import Description
 from stagectl.gap.validation import rollouts
 from stagectl.problem import ProblemKind
 from stagectl.recording.exports import write_csv
+from stagectl.recording.guess.importing import import_log
 from stagectl.recording.hdf5 import RecordingError, open_recording
+from stagectl.recording.imports import store
+from stagectl.recording.scales import Known
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
 from tests.identification import synthetic
 from tests.problems import refused
@@ -63,7 +67,8 @@ def test_our_recordings_survive_the_folder(tmp_path: Path, text: str, stage: str
         assert log.valid.all() and log.exact
     np.testing.assert_array_equal(own.logs[0].setpoints, again.logs[0].setpoints)
     assert own.stage.mechanics == again.stage.mechanics and own.stage.drive == again.stage.drive
-    assert again.notes == ()
+    not_given = ["nominal.yaml does not give stage.pitch (6.28319 m): the values in brackets are taken"]
+    assert list(again.notes) == (not_given if stage == "linear-slider" else [])
 
 
 def test_setpoints_by_the_reference_alone(recordings: list[Path], original: Path) -> None:
@@ -128,7 +133,8 @@ def test_a_foreign_model_with_defaults_in_the_notes(tmp_path: Path) -> None:
     assert session.stage.mechanics[:3] == (3.0, 0.0, 0.0)
     assert session.law is None and session.dt == pytest.approx(1e-3)
     notes = " ".join(session.notes)
-    for default in ("stage.viscous (0 N s/m)", "stage.bias (0 N)", "drive.current_limit_A (no limit)"):
+    defaults = ("viscous (0 N s/m)", "bias (0 N)", "pitch (6.28319 m)")
+    for default in (*(f"stage.{each}" for each in defaults), "drive.current_limit_A (no limit)"):
         assert default in notes
     assert len(session.cannot_tell) == 8
     missing = ("current", "command", "reference", "force", "controller", "once", "held-out", "start_s")
@@ -336,6 +342,47 @@ def test_a_log_is_read_as_import_reads_it(tmp_path: Path) -> None:
     (tmp_path / "nothing").mkdir()
     with refused(RecordingError, kind=ProblemKind.MISSING):
         load([tmp_path / "nothing"])
+
+
+def test_logs_of_one_machine_may_have_any_names(tmp_path: Path) -> None:
+    """Guessed logs, which are named by their files; the same as recordings, and in a folder of captures."""
+    setup, names = load_stage(CONFIG / "ball-screw.yaml"), ("a", "b")
+    header = "Time [s],Actual position [rad],Iq [A]"
+    logs = [synthetic.write_csv(tmp_path / f"{name}.csv", synthetic.motion(), header) for name in names]
+    imported = [import_log(log, setup, None, Known(), unsure=False)[0].recording for log in logs]
+    ours = [store([recording], log, log.with_suffix(".h5"))[0] for recording, log in zip(imported, logs, strict=True)]
+    for given in (logs, ours):
+        assert len(load(given, setup).logs) == 2
+    assert len(load([exported(ours, tmp_path / "out")], setup).logs) == 2
+
+
+OWN = {"time_s": "t [s]", "reference_rad": "x_soll [rad]", "position_rad": "x_act [rad]", "current_A": "Iq [A]"}
+WORDS = {"time": "t [s]", "reference": "x_soll [rad]", "position": "x_act [rad]", "current": "Iq [A]"}
+
+
+@pytest.mark.parametrize("words", [None, WORDS])
+def test_a_folder_of_captures_may_have_headers_of_its_own(folder: Path, words: dict[str, str] | None) -> None:
+    """They are guessed as those of a lone log are, or named; what the two YAML files say holds all the same."""
+    known = load([folder])
+    for name in ("sine-1.csv", "sine-2.csv"):
+        rewrite(folder / name, lambda columns: {OWN.get(column, column): values for column, values in columns.items()})
+    session = load([folder], said=Description(words))
+    assert session.law == known.law and [log.experiment for log in session.logs] == ["sine", "sine"]
+    for log, same in zip(session.logs, known.logs, strict=True):
+        assert log.reference is not None and same.reference is not None and log.current is not None
+        np.testing.assert_array_equal(log.position, same.position)
+        np.testing.assert_array_equal(log.reference, same.reference)
+        np.testing.assert_array_equal(log.current, same.current)
+    assert any("position is taken from" in note for note in session.notes) == (words is None)
+
+
+@pytest.mark.parametrize("words", [None, {"time": "time_s", "position": "position_rad"}])
+def test_a_folder_of_another_kind_of_axis_is_refused(folder: Path, words: dict[str, str] | None) -> None:
+    setup, beside = load_stage(CONFIG / "ball-screw.yaml"), folder / "nominal.yaml"
+    assert load([folder], setup, Description(words)).kind == "rotary"
+    edit(beside, lambda nominal: nominal["stage"].update(kind="linear", position_unit="m"))
+    with refused(RecordingError, kind=ProblemKind.CONFLICT, file=beside):
+        load([folder], setup, Description(words))
 
 
 def test_layers_may_differ_between_recordings(recordings: list[Path], tmp_path: Path) -> None:

@@ -64,10 +64,11 @@ def test_emps_has_no_delay_of_a_period_and_an_asymmetry() -> None:
     asymmetry = named(result, "viscous_asymmetry").parameters["size"].value
     assert asymmetry == pytest.approx((166.7 - 240.4) / (166.7 + 240.4), rel=0.1)
     assert abs(named(result, "bias").parameters["bias"].value) < 1.0
-    # A zone of another length explains 1.5 % of what is left: 1.7 standard errors, over eight half strokes.
-    assert not {"inertia", "presliding"} & {effect.name for effect in result.named}
-    ripple = named(result, "cogging_map").parameters["order"].value  # of the pitch: the stage file's is 2 pi m
-    assert 2.0 * math.pi / ripple == pytest.approx(2.5e-3, rel=0.002)
+    # A shorter rolling zone stays in doubt, over eight half strokes: 2.8 standard errors.
+    sure = {effect.name: effect.probability for effect in result.named}
+    assert "inertia" not in sure and sure.get("presliding", 0.0) < 0.6
+    ripple = named(result, "cogging_map").parameters["period"]  # fitted: the stage file gives no pitch
+    assert ripple.value == pytest.approx(2.5e-3, rel=0.001) and ripple.low < 2.5e-3 < ripple.high
     base = diagnose.baseline(session, ()).base.model.stage
     assert base.mechanics.inertia == pytest.approx(95.1, rel=0.02)
     assert base.mechanics.viscous == pytest.approx(203.5, rel=0.05)
@@ -159,7 +160,7 @@ def test_steps_of_torque_give_the_mechanics_of_the_catalogue(tmp_path: Path) -> 
     session = measured.hsm150(tmp_path, "idf_neg_0.04_1", "idf_pos_0.06_1")
     result = answer(session)
     assert "compliance" not in {effect.name for effect in result.named}
-    assert "No effect is missing" not in result.sentence
+    assert "no missing effect" not in result.sentence
     base = diagnose.baseline(session, ()).base.model.stage.mechanics
     assert base.inertia == pytest.approx(1.2e-4, rel=0.15) and base.viscous == pytest.approx(7.03e-5, rel=0.2)
 

@@ -29,9 +29,9 @@ def test_there_is_an_example_of_every_verdict() -> None:
     [
         ("effects", "82 % of the closable gap is viscous asymmetry (share 0.182), 9 % cogging or encoder eccentricity. "
                     "Position gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm."),
-        ("parameters", "No effect is missing, but parameters of the model are off: 91 % of the closable gap is viscous "
-                       "friction (0.168 N m s/rad). Position gap 2.9 -> 0.34 µm on held-out runs"
-                       ", noise floor 0.21 µm."),
+        ("parameters", "These logs show no missing effect, but parameters of the model are off: 91 % of the "
+                       "closable gap is viscous friction (0.168 N m s/rad). Position gap 2.9 -> 0.34 µm on held-out "
+                       "runs, noise floor 0.21 µm."),
         ("effects+unknown", "55 % of the closable gap is presliding friction (length 14 µm). 37 % of the gap repeats "
                             "and is unexplained; it follows the position, which predicts 71 % of it on unused runs. "
                             "Position gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm."),

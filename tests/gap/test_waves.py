@@ -71,6 +71,13 @@ def test_a_fine_ripple_is_named_by_its_line(tmp_path: Path) -> None:
     assert dict(cogging.fields)["motor.cogging.amplitude"] == pytest.approx(1.0, abs=0.15)
 
 
+def test_a_period_of_nearly_a_quarter_of_the_travel_is_found_and_fitted(tmp_path: Path) -> None:
+    """Without a pitch; the travel tells periods of 48 and 60 mm apart."""
+    cogging = _named(_answer(tmp_path, _wave("cogging", 3.0, 48e-3)))["cogging"].parameters
+    assert cogging["amplitude"].value == pytest.approx(3.0, rel=0.1)
+    assert 47e-3 < cogging["period"].low < 48e-3 < cogging["period"].high < 49e-3
+
+
 @pytest.mark.parametrize("multiple", [2, 6])
 def test_a_motor_whose_teeth_show_beside_its_poles(multiple: int, tmp_path: Path) -> None:
     """Poles of 24 mm, and two or six teeth on them: one effect, whatever the multiple."""

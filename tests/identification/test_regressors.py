@@ -9,7 +9,7 @@ from stagectl.identification.capture import Array, Capture
 from stagectl.identification.simultaneous.friction_columns import followed, path
 from stagectl.identification.simultaneous.regressors import Part, _lightly_smoothed, part, stepped
 from stagectl.identification.simultaneous.sensor_noise import _differences
-from stagectl.identification.simultaneous.windows import Rows, resolution
+from stagectl.identification.simultaneous.windows import Rows, knots, resolution
 
 
 def test_the_operators_follow_a_motion_and_a_third_of_the_rounding() -> None:
@@ -85,3 +85,18 @@ def test_the_rows_of_the_spans_are_those_of_all_rows() -> None:
     assert rows.head(5).samples.tolist() == rows.samples[:5].tolist() and rows.head(5).number == 8
     assert rows.head(2).spans == ((1, 3),) and rows.head(99) == rows._replace(number=11)
     assert rows.thinned(2).samples.tolist() == [16, 28, 34, 40]
+
+
+def test_the_speed_around_a_reversal_is_not_that_of_a_window_for_accelerations() -> None:
+    """2 kHz and 20,000 counts: friction that falls within 0.2 rad/s of a reversal is still there."""
+    time = np.arange(8000) * 0.5e-3
+    count, turn = 2.0 * np.pi / 20000, 2.0 * np.pi * 1.6
+    swing = np.sin(turn * time) / turn
+    capture = moved(np.zeros(len(TIME)))._replace(
+        time=time, position=count * np.round(swing / count), current=np.zeros(len(time)), dt=0.5e-3, encoder_step=count
+    )
+    p = part(capture, knots(capture), 0.0, 0.0)
+    speed = path(p, np.zeros(p.rows)).velocity
+    rows = slice(200, -200)
+    assert stepped(p) and p.wide > 5
+    assert float(np.std(speed[rows] - np.cos(turn * time)[rows])) < 0.05

@@ -17,11 +17,11 @@ from stagectl.identification.result import IdentificationResult, Note, Topic, to
 from stagectl.identification.simultaneous import conditions, temper
 from stagectl.identification.simultaneous.method import identify
 from stagectl.kernels import friction, stage
-from stagectl.kernels.effects import Harmonic
+from stagectl.kernels.effects import TURN, Harmonic
 from stagectl.report.methods import simultaneous as report
 from stagectl.trajectories import Sine
 from tests.conftest import Tracked
-from tests.foreign_plants import capture_cases, oracle
+from tests.foreign_plants import capture_cases, motions, oracle
 from tests.foreign_plants.nominal import STAGE_FILE
 from tests.identification import synthetic
 from tests.identification.driven import Sensor, capture, sine
@@ -220,6 +220,30 @@ def test_ripple_does_not_bias_the_inertia(ball_screw: Setup, frequency: float) -
     assert Topic.RIPPLE in topics(result.notes)
 
 
+def _ripple_of_slider(pitch: float) -> tuple[IdentificationResult, str]:
+    """The slider with a cogging of 1 N once per 24 mm, and what is said of it where its file states this `pitch`."""
+    slider = load_stage(CONFIG / "linear-slider.yaml")
+    file = slider.file._replace(mechanics=slider.file.mechanics._replace(pitch=pitch))
+    cogging = Harmonic(1.0, slider.stage.mechanics.pitch / 24e-3, 0.4)
+    p = slider.stage._replace(motor=slider.stage.motor._replace(cogging=cogging))
+    record = capture(p, sine(2.0, 1.6, 6.0, DT, 0.5 * math.pi), DT, Sensor(sensor=0.01))
+    result = identify([record], file, delay(p, "measured_current"))
+    said = [note for note in result.notes if isinstance(note, Note) and note.topic is Topic.RIPPLE]
+    return result, " ".join(map(str, said))
+
+
+def test_cogging_of_a_linear_axis_is_taken_out_over_its_pitch() -> None:
+    result, said = _ripple_of_slider(24e-3)
+    assert result.parameters["inertia"].value == pytest.approx(6.0, rel=3e-3)
+    assert result.details["ripple"] == pytest.approx(1.0, rel=0.1) and "once per pitch" in said
+
+
+def test_cogging_of_a_linear_axis_without_a_pitch_asks_for_it() -> None:
+    result, said = _ripple_of_slider(TURN)
+    assert abs(result.parameters["inertia"].value / 6.0 - 1.0) > 3e-3
+    assert "mechanics.pitch" in said and "gap diagnose" in said
+
+
 def test_a_ripple_that_is_not_there_is_not_taken_out(ball_screw: Setup) -> None:
     record = capture(ball_screw.stage, sine(5.0, 1.6, 4.0, DT), DT, Sensor(sensor=NOISE))
     result = identify([record], ball_screw.file, delay(ball_screw.stage, "measured_current"))
@@ -282,6 +306,21 @@ def test_several_captures_are_one_answer(ball_screw: Setup) -> None:
     assert together.high - together.low < min(part.high - part.low for part in apart)
     assert abs(errors(both, p)["inertia"]) < 0.3
     assert any(isinstance(note, Note) and note.topic is Topic.LEFT_OUT and "standing.h5" in note for note in both.notes)
+
+
+def test_four_logs_know_no_less_than_one(tmp_path: Path) -> None:
+    """With every row worth one, an error of form of thousandths was a friction of its own: Tc to 10 %, not to 0.4."""
+    setting = capture_cases.setting_of(3)._replace(counts=2**20, row=DT, duration=10.0, column="measured", lead_in=0.0)
+    files = []
+    for motion in motions.MOTIONS:
+        case = capture_cases.capture_of(setting._replace(motion=motion))
+        files.append(tmp_path / f"{motion}.csv")
+        capture_cases.write(files[-1], case.columns)
+    axis = sc.load_stage(STAGE_FILE).changed({"encoder.counts_per_revolution": setting.counts})
+    one, four = (sc.identify(axis, logs).parameters for logs in (files[2], files))
+    for name in ("inertia", "viscous", "coulomb"):
+        assert four[name].half <= 1.3 * one[name].half
+        assert four[name].low <= getattr(case.truth, name) <= four[name].high
 
 
 def refused(kind: str, p: stage.Stage) -> Capture:

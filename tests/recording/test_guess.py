@@ -139,6 +139,46 @@ def test_a_position_that_is_called_a_target_is_the_reference(tmp_path: Path) -> 
     assert guessed is not None and taken(guessed)["reference"] == "2:mm"
 
 
+SINES = [
+    ("position [mm]", "v_drive [mm/s]"),
+    ("Pos [mm]", "v_act [mm/s]"),
+    ("x_act [mm]", "v [mm/s]"),
+    ("Weg [mm]", "Geschwindigkeit [mm/s]"),
+    ("position [mm]", "v_drive"),
+    ("Lage [µm]", "n [inc/s]"),
+    ("x [rad]", "n [r/min]"),
+    ("s [counts]", "n [counts/s]"),
+]
+
+
+@pytest.mark.parametrize(("position", "velocity"), SINES)
+def test_a_header_wins_over_a_way_that_is_an_integral(tmp_path: Path, position: str, velocity: str) -> None:
+    """Of a sine each of position and velocity is the integral of the other, and the velocity has the larger numbers."""
+    time = np.arange(0.0, 6.0, 1e-3)
+    motion = {"t": time, "x": np.sin(5.0 * time), "v": 5.0 * np.cos(5.0 * time), "i": -np.sin(5.0 * time)}
+    path = written(tmp_path, motion, f"t [s],{position},{velocity},I [A]")
+    part = guess(path, Known(counts=1e3)).columns[1]
+    assert (part.quantity, part.column, f"[{part.unit}]") == ("position", "2", position.split()[1].lower())
+    assert part.sure >= 0.5
+
+
+@pytest.mark.parametrize("unit", ["mm/s^2", "A"])
+def test_what_is_in_no_unit_of_a_position_is_none(tmp_path: Path, unit: str) -> None:
+    made = damage.motion()
+    path = written(tmp_path, {"t": made["time"], "x": made["position"], "i": made["current"]}, f"t,y [{unit}],i [A]")
+    with refused(RecordingError, kind=ProblemKind.UNIT, value=unit.lower(), column="2"):
+        import_log(path, None, None, UNKNOWN, unsure=True)
+
+
+def test_a_note_on_another_unit_does_not_say_who_has_named_it(tmp_path: Path) -> None:
+    made = damage.motion()
+    columns = {"t": made["time"], "r": made["position"] + 1e-3, "x": made["position"], "i": made["current"]}
+    path = written(tmp_path, columns, "t [s],target [deg],position [rad],i [A]")
+    ((recording, _),) = import_log(path, None, None, UNKNOWN, unsure=True)
+    (note,) = [note for note in recording.meta["notes"] if note.startswith("target [deg]")]
+    assert "--columns" not in note
+
+
 def test_a_sign_that_little_shows_is_kept_and_asked_for(tmp_path: Path) -> None:
     """Within a loop at one speed, what the motion seems to say of the current is the loop's answer."""
     made = damage.motion()
@@ -171,6 +211,14 @@ def test_the_unit_of_a_named_velocity_tells_the_axis(tmp_path: Path, unit: str, 
         path, None, {"time": "1:s", "velocity": f"2:{unit}", "current": "3:A"}, UNKNOWN, unsure=False
     )
     assert guessed is None and recording.meta["axis"]["kind"] == kind
+
+
+def test_a_velocity_beside_a_position_is_not_taken_without_a_word(tmp_path: Path) -> None:
+    made = damage.motion()
+    columns = {"t": made["time"], "x": made["position"], "v": np.gradient(made["position"], made["time"])}
+    words = {"time": "1:s", "position": "2:rad", "velocity": "3:rad/s"}
+    with refused(RecordingError, kind=ProblemKind.CONFLICT, column="velocity"):
+        import_log(written(tmp_path, columns, "t,x,speed"), None, words, UNKNOWN, unsure=False)
 
 
 WORDS = {"time": "1:s", "position": "2:deg", "current": "3:Nm"}
@@ -248,7 +296,7 @@ def test_a_unit_by_the_length_of_the_travel_is_asked_for(tmp_path: Path) -> None
     made = damage.motion()
     columns = {"t": made["time"], "pos": made["position"], "i": made["current"]}
     path = written(tmp_path, columns, "t,pos,i")
-    with pytest.raises(RecordingError, match="no header names a unit") as caught:
+    with pytest.raises(RecordingError, match="no header names its unit") as caught:
         import_log(path, None, None, UNKNOWN, unsure=False)
     assert caught.value.column == "position" and "--yes" in str(caught.value).splitlines()[0]
     ((_, guessed),) = import_log(path, None, None, UNKNOWN, unsure=True)

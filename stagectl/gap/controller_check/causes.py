@@ -3,6 +3,7 @@
 The terms of the command are linear in the gains, so a wrong gain is a factor on its term, found by least squares.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from stagectl.gap.controller_check import thresholds
 from stagectl.gap.controller_check.recomputed_command import Comparison
+from stagectl.gap.logs.deployed_controller import DIFFERENCES
+from stagectl.gap.logs.deployed_setpoints import differenced
 from stagectl.gap.logs.session import Array, Session
 from stagectl.kernels import friction, friction_path, law
 from stagectl.recording.replay import recomputed
@@ -33,7 +36,7 @@ _OTHERS = {
 class Cause(NamedTuple):
     """An explanation of a difference, and the share of its rms that it leaves."""
 
-    kind: str  # factor | command_factor | constant | several | shift | pole | model | limit | none
+    kind: str  # factor | command_factor | constant | several | shift | pole | reference_velocity | model | limit | none
     term: str  # what differs, by the field of the law, or by its column
     value: float  # the factor, A, rows, or share of the model's
     left: float
@@ -53,11 +56,13 @@ def probable(session: Session, comparisons: Sequence[Comparison], allowed: float
         *_model_errors(session, worst),
         *_shifts(worst),
         *_poles(worst, session.dt),
+        *_reference_velocities(worst, session.dt),
         _limit(worst),
     ]
     best = min(causes, key=lambda cause: cause.left)
     several = _several(session, comparisons)
-    if best.left < thresholds.EXPLAINED and best.left < several.left / thresholds.ALONE + allowed / _rms(
+    rounded = allowed / math.sqrt(3.0) / _rms(worst.difference)  # as numbers that are off by up to `allowed`
+    if best.left < max(thresholds.EXPLAINED, rounded) and best.left < several.left / thresholds.ALONE + allowed / _rms(
         worst.difference
     ):
         return best
@@ -213,6 +218,17 @@ def _poles(comparison: Comparison, dt: float) -> Iterator[Cause]:
         left = _left(comparison, again)
         words = f"the pole of the derivative's filter seems to be {factor:.2g} of the nominal one"
         yield Cause("pole", "derivative", factor, left, words)
+
+
+def _reference_velocities(comparison: Comparison, dt: float) -> Iterator[Cause]:
+    """A velocity of the reference that the controller takes from the differences of its values."""
+    p = comparison.law
+    if not p.cascaded or p.cascade.share == 0.0:
+        return
+    for kind in DIFFERENCES:
+        again = _command(comparison, p, differenced(comparison.setpoints, kind, dt), comparison.log.position)
+        words = f"the velocity of the reference seems to be its {kind}: say controller.reference_velocity: {kind}"
+        yield Cause("reference_velocity", "velocity", 1.0, _left(comparison, again), words)
 
 
 def _model_errors(session: Session, comparison: Comparison) -> Iterator[Cause]:

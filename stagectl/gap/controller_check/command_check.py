@@ -112,6 +112,7 @@ def limit(session: Session, logs: Sequence[Log]) -> float:
         return 0.0
     rms = float(np.sqrt(np.mean(commands * commands)))
     decimals = [_decimal(log.position, session.stage.encoder.step) for log in logs]
+    decimals += [_decimal(log.reference, 0.0) for log in logs if log.reference is not None]
     return max(thresholds.AGREEMENT * rms, resolution(commands), 0.5 * _gain(session) * max(decimals))
 
 

@@ -83,6 +83,8 @@ class Shape(NamedTuple):
     refined: bool = True  # False: a choice
     low: float = 0.0
     high: float = math.inf
+    share: bool = False  # of something that two parts have: nothing and all are values like any other
+    width: float = math.inf  # a change by which its column becomes another one
 
 
 class TimeVariation(NamedTuple):

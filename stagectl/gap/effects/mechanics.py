@@ -1,6 +1,7 @@
 """Effects of motor, screw, cable, table and base, but for factors on friction; and parameters that every model has."""
 
 import math
+from collections.abc import Sequence
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
@@ -58,7 +59,7 @@ def _backlash(s: Scales) -> Parameters:
         (Amplitude("gap", "rad | m", gaps, 0.0, 20.0 * s.length),),
         (
             Shape("load_share", "", (0.3,), True, 0.02, 0.95),
-            Shape("load_friction", "", (0.9, 0.4), True, 0.01, 1.0),
+            Shape("load_friction", "", (0.9, 0.4), True, 0.0, 1.0, share=True),
             Shape("resonance", "Hz", closed, True, grids.SOFTEST_TRAIN, max(highest, grids.SOFTEST_TRAIN)),
             Shape("damping", "", (0.1,), True, 0.01, 1.0),
         ),
@@ -68,15 +69,16 @@ def _backlash(s: Scales) -> Parameters:
 
 
 def _compliance(s: Scales) -> Parameters | None:
-    frequencies = grids.told_by_rows(grids.COMPLIANCE_FREQUENCIES, s.dt)
+    """A load behind a spring: where the logs ring, it swings alone, as if the motor held it."""
+    frequencies = _with_modes(grids.COMPLIANCE_FREQUENCIES, s, 1.0 / math.sqrt(1.0 - grids.LOAD_SHARE))
     if not frequencies:
         return None
     return Parameters(
-        (Amplitude("load_share", "", (0.3,), 0.0, 0.95),),
+        (Amplitude("load_share", "", (grids.LOAD_SHARE,), 0.0, 0.95),),
         (
             Shape("resonance", "Hz", frequencies, True, 2.0, grids.highest_told(s.dt)),
             Shape("damping", "", (0.03,), True, 0.002, 1.0),
-            Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
+            Shape("load_friction", "", (0.4,), True, 0.0, 1.0, share=True),
         ),
         lambda p, v: _with_load(p, v) if v["load_share"] > 0.0 else p,
         resonant=True,
@@ -90,9 +92,7 @@ def _with_load(p: Stage, v: Values, **more: float) -> Stage:
 
 
 def _base_vibration(s: Scales) -> Parameters | None:
-    usual = grids.told_by_rows(grids.BASE_FREQUENCIES, s.dt)
-    seen = [mode * math.sqrt(1.0 + grids.BASE_RATIO) for mode in s.modes]  # with the axis on it, which holds it back
-    grid = (*seen, *(f for f in usual if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in seen)))
+    grid = _with_modes(grids.BASE_FREQUENCIES, s, math.sqrt(1.0 + grids.BASE_RATIO))  # the axis on it holds it back
     if not grid:
         return None
     return Parameters(
@@ -106,22 +106,46 @@ def _base_vibration(s: Scales) -> Parameters | None:
     )
 
 
+def _with_modes(usual: Sequence[float], s: Scales, higher: float) -> tuple[float, ...]:
+    """The frequencies (Hz) at which the logs ring, each so much `higher`, and the `usual` ones far from these."""
+    seen = grids.told_by_rows([higher * mode for mode in s.modes], s.dt)
+    far = [f for f in usual if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in seen)]
+    return (*seen, *grids.told_by_rows(far, s.dt))
+
+
+def _cogging_order(s: Scales) -> tuple[Shape, float]:
+    """The order, and where its angle counts from (rad | m).
+
+    A whole order of the pitch is exact.  Where the pitch is not known, none is whole: the order is fitted, and the
+    angle counts from the middle of the travel, as far from there a phase says nothing.
+    """
+    orders = s.orders.get("cogging", ())
+    fitted = bool(orders) and not any(order.is_integer() for order in orders)
+    return Shape("order", "", orders, fitted, width=s.pitch / s.stroke), s.centre if fitted else 0.0
+
+
+def _cogging(s: Scales) -> Parameters:
+    order, origin = _cogging_order(s)
+    wave = harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, order.grid)
+    return wave._replace(shapes=(order,), apply=harmonic("motor.cogging", origin))
+
+
 def _cogging_map(s: Scales) -> Parameters | None:
     """A harmonic of the pitch with three of its multiples, as poles and teeth of a motor give them."""
-    orders = s.orders.get("cogging", ())
-    if not orders:
+    if not s.orders.get("cogging"):
         return None
     size = max(0.02 * s.coulomb, grids.COGGING_OF_EFFORT * s.force_constant * s.current)
     pairs = [Amplitude(f"{part}_{k}", _EFFORT, (size,)) for k in range(1, 5) for part in ("sine", "cosine")]
     multiples = [Shape(f"multiple_{k}", "", (float(k),), False) for k in range(2, 5)]
+    lowest, origin = _cogging_order(s)
 
     def apply(p: Stage, v: Values) -> Stage:
         for k, place in enumerate(_COGGING, 1):
             order = v["order"] * (v[f"multiple_{k}"] if k > 1 else 1.0)
-            p = harmonic(place)(p, {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": order})
+            p = harmonic(place, origin)(p, {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": order})
         return p
 
-    return Parameters(tuple(pairs), (Shape("order", "", orders, False), *multiples), apply)
+    return Parameters(tuple(pairs), (lowest, *multiples), apply)
 
 
 def _gravity(s: Scales) -> Parameters | None:
@@ -142,7 +166,7 @@ PARAMETERS: dict[str, ParametersOf] = {
     "presliding": _share(stretched),
     "force_constant": _share(scaled("motor.force_constant")),
     "bias": lambda s: sized(Amplitude("effort", _EFFORT, (0.1 * s.coulomb,)), "mechanics.bias")(s),
-    "cogging": lambda s: harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, s.orders.get("cogging", ())),
+    "cogging": _cogging,
     "cogging_map": _cogging_map,
     "gravity": _gravity,
     "current_ripple": lambda s: harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ()), 0.2),

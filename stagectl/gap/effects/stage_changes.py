@@ -42,11 +42,15 @@ def filled(place: str, **names: str) -> Change:
     return lambda p, v: put(p, place, get(p, place)._replace(**{field: v[name] for field, name in names.items()}))
 
 
-def harmonic(place: str) -> Change:
-    """``sine sin(order angle) + cosine cos(order angle)`` as amplitude, order and phase of the Harmonic at `place`."""
+def harmonic(place: str, origin: float = 0.0) -> Change:
+    """``sine sin(order angle) + cosine cos(order angle)`` as amplitude, order and phase of the Harmonic at `place`.
+
+    The angle counts from the `origin` (rad | m).
+    """
 
     def apply(p: Stage, v: Values) -> Stage:
         size, phase = math.hypot(v["sine"], v["cosine"]), math.atan2(v["cosine"], v["sine"])
+        phase = math.remainder(phase - v["order"] * math.tau * origin / p.mechanics.pitch, math.tau)
         return put(p, place, get(p, place)._replace(amplitude=size, order=v["order"], phase=phase))
 
     return apply

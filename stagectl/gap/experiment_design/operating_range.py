@@ -11,7 +11,7 @@ import numpy as np
 from stagectl.gap.experiment_design import stage_scale, thresholds
 from stagectl.gap.experiment_design.experiment import Experiment, number
 from stagectl.gap.experiment_design.stage_scale import StageScale
-from stagectl.gap.logs import deployed_controller
+from stagectl.gap.logs import deployed_controller, deployed_setpoints
 from stagectl.gap.logs.deployed_controller import DeployedController
 from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.nominal_values import of_file
@@ -164,4 +164,4 @@ def setpoints_for(session: Session, p: OperatingRange, experiment: Experiment) -
     t: Array = session.dt * np.arange(rows, dtype=np.float64)
     reference = p.start + parts.motion.at(t).position / session.travel_per_unit
     injection = None if parts.current is None else parts.current.at(t - parts.start)
-    return deployed_controller.setpoints_of(p.deployed, LoggedReference(t, reference), rows, injection)
+    return deployed_setpoints.setpoints_of(p.deployed, LoggedReference(t, reference), rows, injection)

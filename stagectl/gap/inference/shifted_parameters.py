@@ -10,6 +10,7 @@ from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import Fields, FoundEffect, Value
 from stagectl.gap.selection.refine import Fitted
 
+ALL_OF_FORCE = "inertia_and_all_friction"  # what a force constant scales, as one alternative
 COORDINATES = {"inertia": "acceleration", "viscous": "speed", "coulomb": "direction"}
 
 
@@ -22,7 +23,7 @@ def shifted(session: Session, shifts: Sequence[Shift], now: Fitted) -> list[Foun
     if scale is not None:
         rest = [shift for shift in shifts if shift.sure and shift.name not in library.FORCE_SCALED]
         surest = min(shift.probability for shift in shifts if shift.name in library.FORCE_SCALED)
-        return [_force_constant(session, scale, surest), *(_shifted(session, shift, now) for shift in rest)]
+        return [_force_constant(session, scale, surest, now), *(_shifted(session, shift, now) for shift in rest)]
     sure = sorted((shift for shift in shifts if shift.sure), key=lambda shift: -shift.share)
     effects = [_shifted(session, shift, now) for shift in sure]
     # The part that they share may as well be the force constant's.
@@ -39,15 +40,20 @@ def _same_sign(sure: Sequence[Shift]) -> bool:
     return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
 
 
-def _force_constant(session: Session, shift: Shift, probability: float) -> FoundEffect:
-    value = session.stage.motor.force_constant * (1.0 + shift.change)
+def _force_constant(session: Session, shift: Shift, probability: float, now: Fitted) -> FoundEffect:
+    """The common shift as that of the force constant; inertia and all friction can stand in its place together."""
+    nominal, fitted = session.stage, now.model.stage
+    mechanics = nominal.mechanics._replace(inertia=fitted.mechanics.inertia, viscous=fitted.mechanics.viscous)
+    together = nominal._replace(mechanics=mechanics, friction=fitted.friction)
+    value = nominal.motor.force_constant * (1.0 + shift.change)
     return FoundEffect(
         "force_constant",
-        (*library.look_alikes("force_constant", Data.ALL), *library.FORCE_SCALED),
+        (*library.look_alikes("force_constant", Data.ALL), ALL_OF_FORCE),
         probability,
         shift.share,
         {"change": shift.value},
         fields=(("motor.force_constant", value),),
+        choices=((ALL_OF_FORCE, fields_of(nominal, together)),),
         parameter=True,
     )
 

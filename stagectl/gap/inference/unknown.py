@@ -15,6 +15,7 @@ from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import means
 from stagectl.gap.inference.shape_fits import ShapeFit, best_of, floor_of, least_gain, repeats_of, shape_of
 from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS, OF_KIN
+from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
@@ -22,6 +23,8 @@ from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library, Predicted
 from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.kernels.effects import TURN
+from stagectl.units import LINEAR
 
 KINDRED = {"position": "position_mod_pitch", "position_mod_pitch": "position"}  # an error of form shows in both
 
@@ -103,6 +106,16 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns, left: Residu
         or unstructured_residual.in_the_drive(e, residual)
         or _without_order(e, residual.grams, rows, kindred)
     )
+
+
+def without_pitch(session: Session, shape: UnknownTerm | None) -> tuple[str, ...]:
+    """What to say of an unknown over the position of a linear axis that repeats over a length that is not stated."""
+    if shape is None or shape.coordinate not in KINDRED:
+        return ()
+    if session.kind != LINEAR or session.stage.mechanics.pitch != TURN:
+        return ()
+    where = "`stage.pitch` in nominal.yaml, `mechanics.pitch` in a stage file"
+    return (f"no pitch is known, and the unknown follows the position: state the magnet or screw pitch ({where})",)
 
 
 def error_of_form(now: Fitted, left: Residual) -> UnknownTerm | None:

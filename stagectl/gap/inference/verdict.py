@@ -145,14 +145,18 @@ def with_limit(values: dict[str, Value], fitted: EffectValues, before: Stage) ->
 
 
 def _in_order(values: dict[str, Value], session: Session) -> dict[str, Value]:
-    """The values, what tells most first: the gap of a backlash; of a map its period, as an order needs the pitch."""
+    """The values, what tells most first: the gap of a backlash, the period of a map.
+
+    An order needs the pitch: one that was fitted is also given as a period.
+    """
     if "gap" in values:
         return {"gap": values["gap"], **values}
-    if next(iter(values), "") != "order":
+    order, pitch, of_map = values.get("order"), session.stage.mechanics.pitch, next(iter(values), "") == "order"
+    if order is None or not (of_map or order.low < order.high):
         return values
-    order, pitch = values["order"], session.stage.mechanics.pitch
     unit = unit_on(session.kind, "rad | m")
-    return {"period": Value(pitch / order.value, pitch / order.high, pitch / order.low, unit), **values}
+    period = {"period": Value(pitch / order.value, pitch / order.high, pitch / order.low, unit)}
+    return {**period, **values} if of_map else {**values, **period}
 
 
 def rivals(e: Evidence, selected: Selection, effect: FoundEffect) -> dict[str, Stage]:

@@ -1,26 +1,16 @@
-"""The deployed controller, from a nominal.yaml to the law and its feedforward, and the setpoints that it had.
+"""The deployed controller, from a nominal.yaml to the law and its feedforward.
 
 Source of the keys: the description of capture folders; a cascade and an observer as our own export writes them.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_interp_spline
 
 from stagectl.compensation import model_effects
 from stagectl.compensation.forms import FORMS, recorded
-from stagectl.compensation.legs import legs
 from stagectl.gap.logs import nominal_model
-from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.nominal_values import Block, quantity
-from stagectl.gap.logs.session import Array
-from stagectl.kernels import cascade, feedback, feedforward, friction, friction_bristle, law, observer, stage, unloading
-from stagectl.kernels.law import SETPOINT_COLUMNS
-from stagectl.plan import bristle_force, setpoint_rows
+from stagectl.kernels import cascade, feedback, feedforward, friction_bristle, law, observer, stage, unloading
 from stagectl.units import Quantity
 
 _GAIN = Quantity("", "[-1e15, 1e15]", "gain of the feedback, in A and the position's unit")
@@ -35,12 +25,17 @@ _LIMIT = Quantity("A", "(0, inf]", "largest command")
 _SPAN = Quantity("", "[1, 2]", "periods over which the velocity is differenced")
 _KEYS = (
     "Ts bandwidth_Hz Kp Ki Kd derivative_pole discretisation law position_gain velocity_gain integral_gain retained "
-    "velocity_feedforward span kp kv observer observer_model observer_gains model_inertia model_viscous "
-    "model_force_constant feedforward friction_compensation friction_bristle friction_weight friction_slip "
-    "effect_feedforward feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples "
+    "velocity_feedforward reference_velocity span kp kv observer observer_model observer_gains model_inertia "
+    "model_viscous model_force_constant feedforward friction_compensation friction_bristle friction_weight "
+    "friction_slip effect_feedforward feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples "
     "reference_interpolation states_at_first_row anti_windup command_limit_A standstill_band "
     "unloading"
 )
+
+
+DERIVATIVE = "derivative"
+# Velocity of the reference from its values, as rows before and after over which it is differenced.
+DIFFERENCES = {"backward difference": (1, 0), "central difference": (1, 1), "forward difference": (0, 1)}
 
 
 class DeployedController(NamedTuple):
@@ -55,6 +50,7 @@ class DeployedController(NamedTuple):
     bristle: friction_bristle.Bristle = friction_bristle.NEUTRAL  # of the compensation
     form: Any = None  # of the compensation, where it is not the model's
     effects: stage.Stage | None = None  # the model whose further effects are fed forward
+    reference_velocity: str = DERIVATIVE
 
 
 def read(file: Block) -> DeployedController | None:
@@ -88,7 +84,13 @@ def read(file: Block) -> DeployedController | None:
         _bristle(c),
         form,
         _effects(c, file, form),
+        c.word("reference_velocity", (DERIVATIVE, *DIFFERENCES), DERIVATIVE) if _follows_velocity(c) else DERIVATIVE,
     )
+
+
+def _follows_velocity(c: Block) -> bool:
+    """Whether the controller takes a velocity from the reference."""
+    return c.has("position_gain") and c.has("velocity_feedforward")
 
 
 def _law(c: Block, dt: float) -> law.Law:
@@ -200,66 +202,3 @@ def _effects(c: Block, file: Block, form: Any) -> stage.Stage | None:
         return None
     model = nominal_model.read(file)
     return model if form is None else model_effects.rubbing_answered(model)
-
-
-def setpoints_of(p: DeployedController, reference: LoggedReference, rows: int, injection: Array | None) -> Array:
-    """Setpoints (rows, 8), the fields of `kernels.law.Setpoint`, with an `injection` (rows,) A if there was one.
-
-    As the description of capture folders specifies: a quintic spline (not-a-knot) through all samples of the reference,
-    constant outside; perfect tracking ahead by the command's delay, the target without; friction operators ahead by
-    half a period more, from zero at the first sample.
-    """
-    count = rows + rows % 2  # whole frames
-    at = _curve(reference)
-    t: Array = p.dt * np.arange(count + 2, dtype=np.float64)
-    ahead = at(t[:-2] + p.friction_advance)
-    tracked, late = (np.ascontiguousarray(at(times)[:, :2]) for times in (t + p.advance, t - p.late * p.dt))
-    late[_standing(np.interp(t - p.late * p.dt, reference.time, reference.value)), 1] = 0.0
-    seen = feedforward.Foreseen(at(t[:-2])[:, 0].copy(), tracked, late, ahead[:, 0].copy())
-    stops = friction.relaxed(p.feedforward.friction)
-    setpoints = setpoint_rows(p.feedforward, seen, stops, _further_friction(p, seen, ahead))[:rows]
-    if p.effects is not None and model_effects.present(p.effects):
-        setpoints[:, SETPOINT_COLUMNS["friction"]] += _against_effects(p.effects, p, at, count)[:rows]
-    if injection is not None:
-        setpoints[:, SETPOINT_COLUMNS["injection"]] = injection
-    return setpoints
-
-
-def _standing(logged: Array) -> NDArray[np.bool_]:
-    """Rows from which on the reference stays for two periods; at a crest it does for one.
-
-    The spline's velocity is only nearly 0 there, and the law asks whether it is.
-    """
-    moved: NDArray[np.bool_] = np.diff(logged, append=[logged[-1]] * 2) != 0.0
-    standing: NDArray[np.bool_] = ~(moved[:-1] | moved[1:])
-    return standing
-
-
-def _curve(reference: LoggedReference) -> Callable[[Array], Array]:
-    """Position, velocity and acceleration (n, 3) at any times (n,); at rest outside the samples."""
-    first, last = float(reference.time[0]), float(reference.time[-1])
-    spline: BSpline = make_interp_spline(reference.time, reference.value, k=5)
-    derivatives = (spline.derivative(), spline.derivative(2))
-
-    def at(t: Array) -> Array:
-        inside = np.clip(t, first, last)
-        moving = [np.where(inside == t, derivative(inside), 0.0) for derivative in derivatives]
-        return np.stack([spline(inside), *moving], axis=1)
-
-    return at
-
-
-def _against_effects(model: stage.Stage, p: DeployedController, at: Callable[[Array], Array], count: int) -> Array:
-    """Current (count,) A against the model's further effects, from rest at the first sample."""
-    each = model_effects.steps(model, p.dt)
-    path = at(p.dt / each * np.arange(each * count + 1, dtype=np.float64) + p.advance)
-    memory = model_effects.begun(model, float(path[0, 0]))
-    return model_effects.along(model, memory, path, p.dt)[0]
-
-
-def _further_friction(p: DeployedController, seen: feedforward.Foreseen, ahead: Array) -> Array | None:
-    """Friction (n,) N m | N that is compensated and not of stop operators; None where there is none."""
-    if p.form is not None:
-        force: Array = p.form.along(legs(ahead[:, 0], ahead[:, 1], p.dt))
-        return force
-    return bristle_force(p.bristle, seen, p.dt) if p.bristle.coulomb > 0.0 else None

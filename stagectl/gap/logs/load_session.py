@@ -2,7 +2,7 @@
 
 ::
 
-    paths --> sources --> nominal_setup --> grid --> repeats --> row_validity --> deployed_controller --> Session
+    paths --> sources --> nominal_setup --> grid --> repeats --> row_validity --> deployed_setpoints --> Session
               as in       model, law        periods  one length,  rows that       their setpoints
               their files                            one reference count
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from stagectl.config.stage_file import Setup
-from stagectl.gap.logs import deployed_controller, nominal_model, row_validity
+from stagectl.gap.logs import deployed_setpoints, nominal_model, row_validity
 from stagectl.gap.logs.current_order import drive_doubts, order_doubts
 from stagectl.gap.logs.grid import GriddedLog, on_control_periods
 from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
@@ -37,7 +37,7 @@ MOST_ROWS_LATE = len(NO_COMMANDS) - 1  # that the model's delay lines hold
 def load(paths: Sequence[Path], stage: Setup | None = None, said: Description = NOTHING_SAID) -> Session:
     """The session in a folder of captures, in recordings of ours, or in single logs; `stage` is their machine.
 
-    `said` describes single logs that do not say what their columns are, or which machine they are of.
+    `said` describes logs that do not say what their columns are, or which machine they are of.
 
     Raises LogError where the logs do not belong together, NominalValueError where a value of the nominal model cannot
     be used, RecordingError where a file cannot be read.
@@ -225,7 +225,7 @@ def _setpoints(repeat: Repeat, machine: NominalSetup, dt: float) -> Array | None
     if machine.deployed is None or len(grid.reference.time) < LEAST_SPLINE:
         return None
     injection = row_validity.filled(grid.columns["injection"]) if "injection" in grid.columns else None
-    return deployed_controller.setpoints_of(machine.deployed, grid.reference, grid.rows, injection)
+    return deployed_setpoints.setpoints_of(machine.deployed, grid.reference, grid.rows, injection)
 
 
 def undetermined(session: Session, started: Sequence[bool]) -> tuple[str, ...]:

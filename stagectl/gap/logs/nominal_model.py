@@ -6,7 +6,7 @@ from stagectl.gap.logs.nominal_values import Block, quantity
 from stagectl.gap.logs.session import NominalValueError
 from stagectl.gap.logs.thresholds import NOTED_SUM, WRONG_SUM
 from stagectl.kernels import friction, friction_bristle, stage
-from stagectl.kernels.effects import Harmonic
+from stagectl.kernels.effects import TURN, Harmonic
 from stagectl.units import LINEAR, Quantity
 
 # The friction of a model that gives none: nothing rubs, and how far it moves before it slips is not known.
@@ -52,7 +52,7 @@ def _check_units(body: Block) -> None:
 
 def _mechanics(body: Block) -> stage.Mechanics:
     inertia, viscous, bias = body.fields(stage.Mechanics, "inertia", viscous=0.0, bias=0.0)
-    pitch = body.number("pitch", quantity(stage.Mechanics, "pitch")) if body.has("pitch") else 2.0 * math.pi
+    pitch = body.number("pitch", quantity(stage.Mechanics, "pitch"), TURN)
     return stage.Mechanics(inertia, viscous, bias, pitch)
 
 

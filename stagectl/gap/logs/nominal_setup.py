@@ -11,7 +11,7 @@ from stagectl.gap.logs.sources import RawLog
 from stagectl.kernels import stage
 from stagectl.kernels.law import Law
 from stagectl.recording.metadata import read_law
-from stagectl.recording.nominal_yaml import carried_stage, nominal_of
+from stagectl.recording.nominal_yaml import carried_stage, difference, nominal_of
 
 _MODEL = (
     "nominal.yaml next to it, --stage or --model must give it: at least kind, force_constant and inertia, such as "
@@ -59,15 +59,10 @@ def _shared(logs: list[RawLog], block: str) -> dict[str, Any]:
     """The `block` of metadata, which must be the same in all recordings."""
     first: dict[str, Any] = logs[0].recording.meta.get(block) or {}
     for log in logs[1:]:
-        other: dict[str, Any] = log.recording.meta.get(block) or {}
-        differs = next((key for key in {**first, **other} if first.get(key) != other.get(key)), None)
-        if differs is not None:
-            raise LogError(
-                "machine",
-                (log.name, logs[0].name),
-                f"{log.name} has {block}.{differs} = {other.get(differs)}, {logs[0].name} has {first.get(differs)}: "
-                "they are not of one machine in one state; diagnose them separately",
-            )
+        if differs := difference(first, log.recording.meta.get(block) or {}):
+            where = f"{log.name} differs from {logs[0].name} in {block}.{differs}"
+            words = f"{where}: they are not of one machine in one state; diagnose them separately"
+            raise LogError("machine", (log.name, logs[0].name), words)
     return first
 
 

@@ -114,7 +114,8 @@ def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
     grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, most + 1)
     spectrum = power(samples.effort[None], samples.position / turn, most)[0][grid - 1]
     # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
-    around = np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="nearest"), 1e-300)
+    # At the lowest order these lie to one side: mirrored, as copies of the end would be those of a line there.
+    around = np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="reflect"), 1e-300)
     orders: Array = grid.astype(np.float64) * (pitch / turn)
     return Lines(orders, spectrum, spectrum / around, pitch / travel)
 

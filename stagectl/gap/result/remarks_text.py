@@ -9,13 +9,15 @@ MOST_SPANS = 8  # logs whose open spans are listed; chosen for one screen
 
 
 def ambiguous(result: DiagnosisResult) -> list[str]:
-    """Effects that these data do not separate, a line each."""
-    return [
-        f"{capital(candidates(effect))}: these data fit each of them; "
-        f"{'one of them' if effect.parameter else label(effect.name)} has probability {effect.probability:.2f}."
-        for effect in result.effects
-        if effect.alternatives
-    ]
+    """Effects that these data do not separate, a line each; a probability of 1 is that of all of them together."""
+    lines = []
+    for effect in (effect for effect in result.effects if effect.alternatives):
+        probability = f"{effect.probability:.2f}"
+        name = "one of them" if effect.parameter or probability == "1.00" else label(effect.name)
+        lines.append(
+            f"{capital(candidates(effect))}: these data fit each of them; {name} has probability {probability}."
+        )
+    return lines
 
 
 def advice(result: DiagnosisResult) -> list[str]:

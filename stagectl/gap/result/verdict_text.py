@@ -6,6 +6,7 @@ import numpy as np
 
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import (
+    FLOORS,
     FORM,
     HELD_OUT,
     UNEXPLAINED,
@@ -18,7 +19,6 @@ from stagectl.gap.result.diagnosis import (
 from stagectl.number_format import Travel, length, percent, portion, three_digits, together
 
 MOST = 3  # effects in the sentence, parameters in it, and spans in a line; chosen for one line each
-FLOORS = 2.0  # times the floor: a larger gap is not closed; from the issue that asked for it
 _MOSTLY = 0.5  # of the gap, surely closed: the model is off, whether or not a parameter stands out; chosen
 _TOGETHER = 0.5  # of a force's power, within `_NARROW` of its top: most of it lies there; by definition
 _NARROW = 0.04  # of the stroke, to either side: a force that lies closer together has a place; chosen
@@ -50,7 +50,7 @@ def _none(result: DiagnosisResult) -> str:
     gap = result.gap
     if gap.floor > FLOORS * gap.before:
         return "Repeats of one experiment differ by more than the model does: they are not of one machine in one state."
-    if _at_floor(result, gap.before):
+    if gap.at_floor(gap.before):
         return "The model agrees with the machine: these logs show no missing effect and no parameter error."
     if result.friction:
         return "No effect of the library and no parameter stands out in these logs."
@@ -67,7 +67,9 @@ def _none(result: DiagnosisResult) -> str:
 def _controller(result: DiagnosisResult) -> str:
     verdict = "The controller that ran is not the one described, so no loop is simulated."
     beside = f"From the logged command alone: {_causes(result, result.named)}." if result.named else ""
-    return " ".join(filter(None, [verdict, result.reason, beside, "Correct its description, then diagnose again."]))
+    return " ".join(
+        filter(None, [verdict, capital(result.reason), beside, "Correct its description, then diagnose again."])
+    )
 
 
 _NO_REPEAT = "Without a repeat they do not show whether more is missing."
@@ -78,13 +80,10 @@ def _parameters(result: DiagnosisResult) -> str:
     gap, causes = result.gap, _causes(result, result.named)
     if not gap.floor > 0.0:
         return f"Parameters of the model are off: {causes}. {_NO_REPEAT.replace('they', 'these logs')}"
-    rest = "No effect is missing, but" if _at_floor(result, gap.after) else "No effect explains what is left, and"
+    rest = (
+        "These logs show no missing effect, but" if gap.at_floor(gap.after) else "No effect explains what is left, and"
+    )
     return f"{rest} parameters of the model are off: {causes}."
-
-
-def _at_floor(result: DiagnosisResult, size: float) -> bool:
-    """Whether a gap of `size` lies at what repeats differ by; a gap that is not known says nothing."""
-    return not size > FLOORS * result.gap.floor
 
 
 _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
@@ -102,7 +101,7 @@ def _left(result: DiagnosisResult) -> str:
     """How much the effects leave of a gap that stays well above its floor, though nothing orders it."""
     share, gap = dict(result.shares).get(UNEXPLAINED, 0.0), result.gap
     known = gap.floor > 0.0 and result.gap.shrinks
-    if not known or _at_floor(result, gap.after) or not share > _SMALL:
+    if not known or gap.at_floor(gap.after) or not share > _SMALL:
         return ""
     return f" {capital(portion(share))} of the gap is left unexplained."
 

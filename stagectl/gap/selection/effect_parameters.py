@@ -1,5 +1,6 @@
 """The parameters of effects as columns to be fitted, with how far each may move in a step."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from stagectl.gap.effects.effect import Shape, TimeVariation, Values
@@ -24,10 +25,17 @@ def directions(model: TrackedModel, effects: Sequence[EffectValues]) -> list[Dir
             size = max(abs(valued.values[amplitude.name]), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
             moving.append(_replaced(model, effects, (k, amplitude.name), narrow * thresholds.AMPLITUDE_CHANGE * size))
         moving += [
-            _replaced(model, effects, (k, shape.name), narrow * thresholds.SHAPE_CHANGE * valued.values[shape.name])
+            _replaced(model, effects, (k, shape.name), narrow * _change(shape, valued.values[shape.name]))
             for shape in _refined(valued)
         ]
     return moving
+
+
+def _change(shape: Shape, value: float) -> float:
+    """By how much a shape is changed for its column; a share towards its middle, from 0 as well."""
+    if shape.share:
+        return math.copysign(thresholds.SHARE_CHANGE, 0.5 - value)
+    return thresholds.SHAPE_CHANGE * min(value, shape.width)
 
 
 def _narrowness(valued: EffectValues) -> float:
@@ -78,11 +86,9 @@ def limits(effects: Sequence[EffectValues]) -> list[tuple[float, float]]:
             limits.append((amplitude.low - value, amplitude.high - value))
         for shape in _refined(valued):
             value = valued.values[shape.name]
-            low, high = (
-                max(value / thresholds.SHAPE_FACTOR, shape.low),
-                min(value * thresholds.SHAPE_FACTOR, shape.high),
-            )
-            limits.append((low - value, high - value))
+            low, high = value / thresholds.SHAPE_FACTOR, value * thresholds.SHAPE_FACTOR
+            low, high = (0.0, 1.0) if shape.share else (low, high)
+            limits.append((max(low, shape.low) - value, min(high, shape.high) - value))
     return limits
 
 
@@ -101,4 +107,6 @@ def informed(effects: Sequence[EffectValues]) -> dict[str, tuple[float, float]]:
 def shifted(valued: EffectValues, move: Mapping[str, float]) -> EffectValues:
     """An effect with its parameters moved by their steps."""
     moves = {name: move.get(f"{valued.effect.name}.{name}", 0.0) for name in valued.values}
-    return EffectValues(valued.effect, {name: value + moves[name] for name, value in valued.values.items()})
+    values = {name: value + moves[name] for name, value in valued.values.items()}
+    shares = {shape.name: min(max(values[shape.name], 0.0), 1.0) for shape in valued.effect.shapes if shape.share}
+    return EffectValues(valued.effect, {**values, **shares})

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from stagectl.gap.selection import constants, drive_alikes, linearised, waves
+from stagectl.gap.selection import constants, drive_alikes, linearised, resonance_alikes, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
 from stagectl.gap.selection.material import is_material, refitted_without, without
@@ -49,8 +49,7 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         selection.gains[valued.effect.name] = sum(at.excess) - sum(present.excess)
         empty[valued.effect.name] = max(at.empty, 1.0 - most)
         _enter(selection, at, valued.effect.name, most)
-        if valued.effect.name in constants.SCALING:
-            _enter_scales(selection, drive_alikes.other_scales(e, library, now), valued.effect.name)
+        _enter_alikes(selection, _alikes(e, library, now, valued), valued.effect.name)
     weak = max(empty, key=empty.__getitem__, default="")
     if not weak or empty[weak] <= 1.0 - constants.KEPT:
         return selection
@@ -113,8 +112,15 @@ def _enter_wave(e: Evidence, library: Library, selection: Selection, name: str, 
     selection.alternatives[name], selection.rivals[name] = {}, {}
 
 
-def _enter_scales(selection: Selection, others: Sequence[Fitted], name: str) -> None:
-    """What explains the same as the effect `name`, with another inertia and another friction, is as probable."""
+def _alikes(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> Sequence[Fitted]:
+    """`now` with what explains the same in the place of `valued`, as the last of its effects."""
+    if valued.effect.name in constants.SCALING:
+        return drive_alikes.other_scales(e, library, now)
+    return resonance_alikes.other_resonances(e, library, now, valued)
+
+
+def _enter_alikes(selection: Selection, others: Sequence[Fitted], name: str) -> None:
+    """What explains the same as the effect `name`, with other values of the base, is as probable."""
     for other in (fitted.effects[-1] for fitted in others):
         selection.alternatives[name] = {other.effect.name: 1.0, **selection.alternatives[name]}
         selection.rivals[name][other.effect.name] = other

@@ -56,6 +56,7 @@ AS_CLOSE = 1e-3  # share of the sum of squares by which a fit may leave more and
 AMPLITUDE_CHANGE = 0.1  # of an amplitude, for its sensitivity
 LEAST_AMPLITUDE = 0.3  # of an effect's typical amplitude, where its own is smaller
 SHAPE_CHANGE = 0.05  # of a shape, for its sensitivity
+SHARE_CHANGE = 0.02  # of a share, for the same
 # Damping ratio from which a resonance is broad enough for these changes; those of a narrower one are smaller in
 # proportion, so that its frequency moves by a twentieth of its width.  A base with a damping of 0.012 kept 56 % of its
 # misfit with whole changes.  From four places within 10 % of its frequency it keeps 2 to 4 %; with half of this value 3

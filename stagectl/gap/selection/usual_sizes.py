@@ -104,7 +104,8 @@ def of_own(now: Fitted, places: Places) -> Prior:
         sizes = [
             (a.name, constants.WIDEST * max(abs(valued.values[a.name]), abs(a.typical[0]))) for a in effect.amplitudes
         ]
-        sizes += [(s.name, constants.SHAPE * valued.values[s.name]) for s in effect.shapes if s.refined]
+        whole = {s.name: 1.0 if s.share else valued.values[s.name] for s in effect.shapes if s.refined}
+        sizes += [(name, constants.SHAPE * size) for name, size in whole.items()]
         names += [f"{effect.name}.{name}" for name, _ in sizes]
         deviations += [size for _, size in sizes]
     return Prior(tuple(places(names)), np.zeros(len(names)), np.array(deviations))

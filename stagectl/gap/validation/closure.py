@@ -137,13 +137,15 @@ def _worth(
     now, nominal = selected.fitted, sensitivities.model_of(session.stage, session.dt)
     tables = [UNEXPLAINED] if improved.residual is not session.stage.residual else []
     names = [valued.effect.name for valued in now.effects]
-    form = [FORM] if all(sliding(model.stage.friction) > 0.0 for model in (now.model, nominal)) else []
+    rubs = slides(now.model.stage, nominal.stage)
+    form = [FORM] if rubs and not keeps_form(improved, session.stage) else []
 
     @functools.cache
     def of(members: frozenset[str]) -> Array:
         model = now.model if PARAMETERS in members else nominal
-        if form:
-            model = put(model, "stage.friction", _rubbing(model, now.model if FORM in members else nominal))
+        if rubs:
+            law = (now.model if FORM in members else nominal).stage.friction
+            model = put(model, "stage.friction", rubbing(model.stage.friction, law))
         if UNEXPLAINED in members:
             model = put(model, "stage.residual", improved.residual)
         return remaining(equipped(model, [fitted for fitted in now.effects if fitted.effect.name in members]))
@@ -166,11 +168,28 @@ def unjudged(session: Session, selected: Selection) -> frozenset[str]:
     return selected.beside | (drive if session.logs[0].current is not None else set())
 
 
-def _rubbing(size: TrackedModel, form: TrackedModel) -> Friction:
-    """The friction of the model `size`, with the law of the model `form` scaled to it."""
-    p, law = size.stage.friction, form.stage.friction
-    law = scaled_friction(law, sliding(p) / sliding(law))
-    return p._replace(operators=law.operators, bristle=law.bristle)
+def slides(p: Stage, nominal: Stage) -> bool:
+    """Whether both have friction, so that one law can be scaled to the other's size."""
+    return sliding(p.friction) > 0.0 and sliding(nominal.friction) > 0.0
+
+
+def rubbing(size: Friction, law: Friction) -> Friction:
+    """The friction `size`, with the curve of the `law` scaled to it."""
+    law = scaled_friction(law, sliding(size) / sliding(law))
+    return size._replace(operators=law.operators, bristle=law.bristle)
+
+
+def keeps_form(p: Stage, nominal: Stage) -> bool:
+    """Whether the friction of `p` has the curve of the nominal one, whatever its size."""
+    if not slides(p, nominal):
+        return False
+    own, law = (_curve(friction) for friction in (p.friction, rubbing(p.friction, nominal.friction)))
+    return len(own) == len(law) and np.allclose(own, law, rtol=1e-9, atol=0.0)
+
+
+def _curve(p: Friction) -> Array:
+    bristle = p.bristle
+    return np.array([*p.operators.weight, *p.operators.slip, *bristle[:-1], *bristle.stribeck])
 
 
 def most_harmful(wider: Mapping[str, Array]) -> str:

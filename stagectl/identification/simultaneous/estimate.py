@@ -44,9 +44,10 @@ from stagectl.identification.simultaneous.regressors import (
     RIPPLE,
     VELOCITY,
     controlled,
+    repeats,
     stepped,
 )
-from stagectl.units import ROTARY
+from stagectl.kernels.effects import TURN
 
 NAMES = ("inertia", "viscous", "coulomb", "offset", "delay")
 
@@ -62,7 +63,7 @@ class Estimate(NamedTuple):
     theta: Array  # (m,) of all columns, at the best scales and delay
     residual: Array  # (rows,) N m | N, there
     bend: tuple[float, float] | None  # viscous friction over speed, at rest and at the fastest; None: it is straight
-    ripple: float | None  # N m | N, once per revolution; None: none is seen
+    ripple: float | None  # N m | N, once per turn; None: none is seen
     prior: dict[str, tuple[float, float]]  # value and half interval before the data: inertia, viscous, delay
 
     @property
@@ -231,14 +232,23 @@ def _gravity(p: Problem, answer: Answer) -> list[tuple[str, float, float]]:
 
 
 def turns(p: Problem) -> float:
-    """Revolutions of a motion that shows a ripple once per revolution; 0 where it does not, or gravity hides it."""
-    travel = max(float(np.ptp(rows.capture.position)) for rows in p.parts)
-    shown = travel >= thresholds.RIPPLE_TRAVEL and p.file.axis.kind == ROTARY and not p.gravity
-    return travel / (2.0 * math.pi) if shown else 0.0
+    """Turns of a motion that shows a ripple once per turn; 0 where it does not, or gravity hides it."""
+    travel = max(float(np.ptp(rows.angle)) for rows in p.parts)
+    shown = travel >= thresholds.RIPPLE_TRAVEL and repeats(p.file) and not p.gravity
+    return travel / TURN if shown else 0.0
+
+
+def over_position(p: Estimate) -> float:
+    """Share of the residual that the place alone explains: in equal parts of the travel, its mean."""
+    place = np.concatenate([rows.capture.position[rows.places.samples] for rows in p.problem.parts])
+    edges = np.linspace(place.min(), place.max(), thresholds.PLACES + 1)[1:-1]
+    part, left = np.digitize(place, edges), p.residual - p.residual.mean()
+    sums, rows = np.bincount(part, left), np.maximum(np.bincount(part), 1)
+    return float(np.sum(sums**2 / rows) / max(left @ left, 1e-300))
 
 
 def _ripple(p: Problem, answer: Answer) -> float | None:
-    """Amplitude (N m | N) of a ripple once per revolution that is beyond chance."""
+    """Amplitude (N m | N) of a ripple once per turn that is beyond chance."""
     if not turns(p):
         return None
     mean, covariance = _once_per_turn(p, answer)

@@ -24,7 +24,8 @@ its rounding is taken out.
 **Temper.**  Rows are worth less than their number: the window correlates neighbours, and what the columns leave of the
 true law repeats in every stroke.  With a residual of variance ``s^2`` of which the share ``f`` is such an error, n rows
 count as ``n / (c + n f / K)``: no record is worth more than K values per unit of error, however long it is.  ``f`` is
-at least that of an error of form of `FORM_ERROR` of the friction.
+at least that of an error of form of `FORM_ERROR` of the friction.  The scales are chosen so, too: with every row worth
+one, a long record takes a law's error of form for a scale of its own, and ten logs know less than one.
 """
 
 import math
@@ -107,6 +108,8 @@ def answered(p: Problem) -> Answer:
     residual = p.whitening(_residual(p, best, forces))
     share = temper.form_share(p, residual, best.variance, best.known.mean[:, best.best])
     worth = temper.worth(residual, share)
+    fits = _searched(p, forces, worth)
+    best = _most_probable(fits)
     likely = [fit for fit in fits if fit.log_weight.max() > best.log_weight.max() - thresholds.UNLIKELY]
 
     def again(fit: Fit, at: Forces) -> Fit:
@@ -196,7 +199,7 @@ def _fit(p: Problem, forces: Forces, scales: Scales, worth: float, variance: flo
     return Fit(scales, forces.delays, known, log_weight, variance)
 
 
-def _searched(p: Problem, forces: Forces) -> list[Fit]:
+def _searched(p: Problem, forces: Forces, worth: float = thresholds.WINDOW_CORRELATION) -> list[Fit]:
     """Fits of all scales that a search along one group after the other tries, from the simplest law on."""
     tried: dict[Scales, Fit] = {}
     variance = _rough_variance(p, forces)
@@ -204,7 +207,7 @@ def _searched(p: Problem, forces: Forces) -> list[Fit]:
     def evidence(scales: Scales) -> float:
         nonlocal variance
         if scales not in tried:
-            tried[scales] = _settled(p, forces, scales, variance)
+            tried[scales] = _settled(p, forces, scales, variance, worth)
             variance = min(variance, tried[scales].variance)
         return float(tried[scales].log_weight.max())
 
@@ -220,10 +223,12 @@ def _rough_variance(p: Problem, forces: Forces) -> float:
     return thresholds.FIRST_VARIANCE * float(forces.square.mean()) / len(p.white)
 
 
-def _settled(p: Problem, forces: Forces, scales: Scales, variance: float) -> Fit:
+def _settled(
+    p: Problem, forces: Forces, scales: Scales, variance: float, worth: float = thresholds.WINDOW_CORRELATION
+) -> Fit:
     """The fit whose residual has the variance that it assumes."""
     for _ in range(thresholds.NOISE_ROUNDS):
-        fit = _fit(p, forces, scales, thresholds.WINDOW_CORRELATION, variance)
+        fit = _fit(p, forces, scales, worth, variance)
         square = p.residual_square(fit.known.mean, forces)
         before, variance = variance, float(square[fit.best]) / len(p.white)
         if abs(variance / before - 1.0) < thresholds.NOISE_AGREES:

@@ -28,6 +28,7 @@ from stagectl.identification.simultaneous.evidence import answered
 from stagectl.identification.simultaneous.model import DelayPrior, problem
 from stagectl.identification.simultaneous.regressors import ACCELERATION, FREE, VELOCITY, Part, part, thinned
 from stagectl.identification.simultaneous.windows import knots
+from stagectl.kernels.effects import TURN
 from stagectl.units import ROTARY
 
 
@@ -54,7 +55,7 @@ def identify(
     used, left_out = accepted(captures, lambda capture: conditions.checked(capture, file))
     progress(1, 5)
     known = known_delay(used, file, delay)
-    parts = _parts(used, known)
+    parts = _parts(used, known, file)
     fitted = estimated(answered(problem(parts, file, known, gravity)))
     progress(3, 5)
     if any(rows.places.spans for rows in parts):
@@ -77,11 +78,12 @@ def _narrower(moving: Estimate, all_rows: Estimate) -> Estimate:
     return all_rows if agree and all(more.half <= few.half for few, more in pairs) else moving
 
 
-def _parts(captures: list[Capture], delay: DelayPrior) -> list[Part]:
+def _parts(captures: list[Capture], delay: DelayPrior, file: StageFile) -> list[Part]:
     """Rows of all captures on which the friction's state is known; at most `MOST_ROWS`."""
     room = float(np.abs(delay.nodes).max()) * thresholds.DELAY_ROOM
     longest = thresholds.FORGOTTEN * max(float(np.ptp(capture.position)) for capture in captures)
-    parts = [part(capture, knots(capture), longest, room) for capture in captures]
+    turn = TURN if file.axis.kind == ROTARY else file.mechanics.pitch
+    parts = [part(capture, knots(capture), longest, room, turn) for capture in captures]
     parts = thinned([rows for rows in parts if rows.rows > 0], thresholds.MOST_ROWS)
     number = sum(rows.rows for rows in parts)
     if number < thresholds.FIT_LEAST_ROWS:

@@ -28,6 +28,7 @@ from stagectl.identification.simultaneous.regressors import (
     Part,
     coarse,
     currents,
+    repeats,
     ripple_shares,
     stepped,
     window_correlation,
@@ -35,7 +36,6 @@ from stagectl.identification.simultaneous.regressors import (
 from stagectl.identification.simultaneous.sensor_noise import current_noise, rounding_noise
 from stagectl.identification.simultaneous.whitening import Whitening
 from stagectl.identification.simultaneous.windows import resolution
-from stagectl.units import ROTARY
 
 GROUPS = ("ripple", "bend", "operators", "bristles", "stribeck", "lag")
 Scales = tuple[float, ...]  # of GROUPS, in units of the Coulomb friction
@@ -266,8 +266,8 @@ def _setting(
 
 
 def _ripples(parts: list[Part], file: StageFile, scale: float, gravity: bool) -> Array:
-    """Standard deviations (RIPPLE,) of the ripple's columns in Coulomb frictions; gravity is once a revolution, too."""
-    deviation = np.maximum(scale * ripple_shares(parts) * (file.axis.kind == ROTARY), thresholds.NO_SCALE)
+    """Standard deviations (RIPPLE,) of the ripple's columns in Coulomb frictions; gravity is once a turn, too."""
+    deviation = np.maximum(scale * ripple_shares(parts) * repeats(file), thresholds.NO_SCALE)
     deviation[:2] = thresholds.GRAVITY if gravity else deviation[:2]
     return np.asarray(deviation, dtype=np.float64)
 

@@ -9,10 +9,10 @@ import numpy as np
 from stagectl.identification import thresholds
 from stagectl.identification.result import Note, Topic
 from stagectl.identification.simultaneous import laws
-from stagectl.identification.simultaneous.estimate import NAMES, Estimate, turns
-from stagectl.identification.simultaneous.regressors import controlled
+from stagectl.identification.simultaneous.estimate import NAMES, Estimate, over_position, turns
+from stagectl.identification.simultaneous.regressors import controlled, repeats
 from stagectl.number_format import duration, percent
-from stagectl.units import unit_on
+from stagectl.units import ROTARY, unit_on
 
 COLUMNS = {
     "measured_current": "the measured current",
@@ -40,6 +40,7 @@ def written(p: Estimate) -> tuple[Note, ...]:
         *_imprecise(p),
         *_bend(p),
         *_ripple(p),
+        *_place(p),
         *_form(p),
     )
 
@@ -242,15 +243,28 @@ def _bend(p: Estimate) -> Iterator[Note]:
     yield Note(Topic.BEND, text)
 
 
-def _ripple(p: Estimate) -> Iterator[Note]:
-    if not (revolutions := turns(p.problem)):
+def _place(p: Estimate) -> Iterator[Note]:
+    """A force over the position, which no column holds where no pitch is known."""
+    if repeats(p.file) or (share := over_position(p)) < thresholds.PLACED:
         return
+    text = (
+        f"residual: the position explains {percent(share)} of it, as cogging or a cable would, and the intervals need "
+        "not hold the truth; state the magnet or screw pitch (mechanics.pitch), and ask `stagectl gap diagnose`"
+    )
+    yield Note(Topic.RIPPLE, text)
+
+
+def _ripple(p: Estimate) -> Iterator[Note]:
+    if not (covered := turns(p.problem)):
+        return
+    turn = "revolution" if p.file.axis.kind == ROTARY else "pitch"
+    way = f"{covered:.2g} {turn}{'es' if turn == 'pitch' else 's'}"
     if p.ripple is None:
-        seen = f"none is seen over {revolutions:.2g} revolutions"
+        seen = f"none is seen over {way}"
         text = f"ripple: {seen}; the intervals include one that is too small to be seen"
     else:
         text = (
-            f"ripple: {p.ripple:.3g} {_effort(p)} once per revolution, found and taken out of the other parameters; "
-            f"the motion covers {revolutions:.2g} revolutions"
+            f"ripple: {p.ripple:.3g} {_effort(p)} once per {turn}, found and taken out of the other parameters; "
+            f"the motion covers {way}"
         )
     yield Note(Topic.RIPPLE, text)

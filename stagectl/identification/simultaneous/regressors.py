@@ -4,6 +4,8 @@
 
     Kt i(t - tau) = J a + D w + b + c sin(theta) + d cos(theta) + sum_j alpha_j S_j(x)
 
+theta is the angle of a rotary axis; on a linear one the pitch of its stage file is a turn.
+
 All columns and the left side pass the same window and are kept once per knot distance.  The state of an element at
 the start is not known.  It is forgotten once the axis has moved by twice the element's slip in either direction; the
 rows before that are left out.
@@ -18,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.simultaneous.windows import (
@@ -32,10 +35,12 @@ from stagectl.identification.simultaneous.windows import (
     smoothed,
     window,
 )
+from stagectl.kernels.effects import TURN
 from stagectl.recording.true_rows import stretches
+from stagectl.units import ROTARY
 
 ACCELERATION, VELOCITY, ONE = 0, 1, 2
-RIPPLE = slice(3, 3 + 2 * thresholds.RIPPLE_ORDERS)  # sine and cosine of one, two, ... periods a revolution
+RIPPLE = slice(3, 3 + 2 * thresholds.RIPPLE_ORDERS)  # sine and cosine of one, two, ... periods a turn
 BEND = slice(RIPPLE.stop, RIPPLE.stop + 2)  # velocity times its size, and times its square
 FREE = BEND.stop  # columns before those of the friction
 
@@ -46,6 +51,12 @@ class Part(NamedTuple):
     capture: Capture
     places: Rows
     wide: int  # samples per knot distance at which rounding does not fill the acceleration
+    turn: float = TURN  # rad | m
+
+    @property
+    def angle(self) -> Array:
+        """Position (n,) as an angle (rad) within a turn."""
+        return TURN / self.turn * self.capture.position
 
     @property
     def q(self) -> int:
@@ -63,14 +74,19 @@ class Part(NamedTuple):
         return self._replace(places=self.places._replace(spans=()))
 
 
-def part(capture: Capture, wide: int, longest: float, delay: float) -> Part:
+def repeats(file: StageFile) -> bool:
+    """Whether the way after which a ripple repeats is known: not on a linear axis that states no pitch."""
+    return file.axis.kind == ROTARY or file.mechanics.pitch != TURN
+
+
+def part(capture: Capture, wide: int, longest: float, delay: float, turn: float = TURN) -> Part:
     """Rows on which elements up to the slip `longest` are known and a delay up to `delay` (s) has its samples."""
     q = max(1, round(thresholds.STEPPED_KNOTS / capture.dt)) if _seen(capture, wide) else wide
     room = margin(q, capture.dt, delay)
     moved = np.maximum.accumulate(capture.position) - np.minimum.accumulate(capture.position)
     known = int(np.searchsorted(moved, 2.0 * longest))
     start = max(room, known + HALF * q)
-    whole = Part(capture, Rows(start, max(0, (len(capture.position) - room - start - 1) // q + 1), q), wide)
+    whole = Part(capture, Rows(start, max(0, (len(capture.position) - room - start - 1) // q + 1), q), wide, turn)
     return whole._replace(places=whole.places._replace(spans=_moving(whole)))
 
 
@@ -124,7 +140,7 @@ def motion(p: Part) -> Array:
             smoothed(x, window(p.q, dt, 1), p.places),
             np.ones(p.rows),
             *(
-                smoothed(wave(order * p.capture.position), smooth, p.places)
+                smoothed(wave(order * p.angle), smooth, p.places)
                 for order in range(1, thresholds.RIPPLE_ORDERS + 1)
                 for wave in (np.sin, np.cos)
             ),
@@ -133,12 +149,12 @@ def motion(p: Part) -> Array:
 
 
 def ripple_shares(parts: list[Part]) -> Array:
-    """Scale of each ripple column, relative to that of once per revolution: (RIPPLE,).
+    """Scale of each ripple column, relative to that of once per turn: (RIPPLE,).
 
     An order of which the motion sees less than `RIPPLE_PERIODS` periods would take up anything that changes with the
     position, the inertia of a sine's turning points above all; it is left out.
     """
-    turns = max(float(np.ptp(p.capture.position)) for p in parts) / (2.0 * math.pi)
+    turns = max(float(np.ptp(p.angle)) for p in parts) / TURN
     orders = np.repeat(np.arange(1, thresholds.RIPPLE_ORDERS + 1), 2)
     seen = np.where(orders * turns >= thresholds.RIPPLE_PERIODS, thresholds.HIGHER_RIPPLE, 0.0)
     return np.where(orders == 1, 1.0, seen)

@@ -20,7 +20,7 @@ from stagectl.recording.guess.names import Column, by_name, hinted
 from stagectl.recording.guess.roles import Role
 from stagectl.recording.guess.units import Unit
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.scales import SHARES, Known, Scales
+from stagectl.recording.scales import SHARES, Known, Scales, bases_of
 from stagectl.units import LINEAR, ROTARY, factor, unit_on
 
 
@@ -32,7 +32,7 @@ class GuessedColumn(NamedTuple):
     unit: str
     sure: float  # 0 to 1, of column and unit together
     why: str
-    stranger: str = ""  # in brackets in its header, where a unit belongs, and no known one
+    stranger: str = ""  # in brackets in its header, where a unit belongs, and none of its quantity
 
 
 class Guess(NamedTuple):
@@ -91,7 +91,7 @@ def _check_moves(columns: list[Column], path: Path) -> None:
 def _part(quantity: str, role: Role, unit: Unit, turned: bool = False) -> GuessedColumn:
     name = f"-{role.column.name}" if turned else role.column.name
     why = f"{role.why}; {unit.why}{'; it opposes the motion, so its sign is turned' if turned else ''}"
-    stranger = units.stranger(role.column.words) if unit.sure <= constants.SURE_BY_MAGNITUDE else ""
+    stranger = units.bracketed(role.column.words) if unit.sure <= constants.SURE_BY_MAGNITUDE else ""
     return GuessedColumn(quantity, name, unit.name, min(role.sure, unit.sure), why, stranger)
 
 
@@ -128,7 +128,7 @@ def _unit_of_position(position: Role, velocity: Role | None, known: Known) -> Un
 
 
 def _scales(unit: Unit, position: Role | None, time: Array, known: Known) -> tuple[Scales, list[str]]:
-    kind = LINEAR if unit.name in ("m", "mm", "um", "nm", "m/s", "mm/s") else ROTARY
+    kind = LINEAR if "m" in bases_of(unit.name) else ROTARY
     scales = known.on(Scales(kind, travel_unit=unit_on(kind, "rad | m")))
     if known.counts:
         return scales, []

@@ -8,11 +8,11 @@ from typing import NamedTuple
 from stagectl.config.stage_file import Setup
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import constants
-from stagectl.recording.columns import MOTIONS, choices, scales_by_unit
+from stagectl.recording.columns import MOTIONS, Stated, choices, scales_by_unit
 from stagectl.recording.guess import units
 from stagectl.recording.guess.guess import Guess, GuessedColumn, guess
 from stagectl.recording.hdf5 import Recording, RecordingError
-from stagectl.recording.imports import is_text_log, read
+from stagectl.recording.imports import SourceLog, captures, is_text_log, read_log
 from stagectl.recording.nominal_yaml import axis_values
 from stagectl.recording.scales import Known, Scales, scales_of_stage
 from stagectl.units import unit_on
@@ -41,21 +41,32 @@ def import_log(
 
     Raises RecordingError where it cannot be read, or where the guess is not sure.
     """
-    if path.is_dir() and not (path / "captures.yaml").is_file():
-        logs = [file for file in sorted(path.iterdir()) if _is_log(file)]
-        if not logs:
-            kinds = f"recordings (.h5), nor captures.yaml, nor logs ({', '.join(_LOGS)})"
-            reason = f"{path} holds neither {kinds}; give a folder that does"
-            raise RecordingError(reason, path, ProblemKind.MISSING)
-        return [imported for log in logs for imported in import_log(log, setup, words, known, unsure, scales)]
+    stated = Stated(setup, words, scales, known)
+    logs = _logs_in(path, stated) if path.is_dir() else [SourceLog(path, stated, {})]
+    return [_imported(log, unsure) for log in logs]
+
+
+def _logs_in(folder: Path, stated: Stated) -> list[SourceLog]:
+    """Those that captures.yaml lists, else all that are there."""
+    if (folder / "captures.yaml").is_file():
+        return captures(folder, stated)
+    logs = [SourceLog(file, stated, {}) for file in sorted(folder.iterdir()) if _is_log(file)]
+    if not logs:
+        kinds = f"recordings (.h5), nor captures.yaml, nor logs ({', '.join(_LOGS)})"
+        reason = f"{folder} holds neither {kinds}; give a folder that does"
+        raise RecordingError(reason, folder, ProblemKind.MISSING)
+    return logs
+
+
+def _imported(log: SourceLog, unsure: bool) -> Imported:
     try:
-        return [Imported(_with(recording, known), None) for recording in read(path, setup, words, scales, known)]
+        return Imported(_with(read_log(log), log.stated.known), None)
     except RecordingError as error:
         unnamed = error.problems[0].kind in (ProblemKind.MISSING, ProblemKind.UNIT) and not error.row
-        named = set(words or {})  # where that is all that a log must have, a refusal is about these words
-        if path.is_dir() or not unnamed or ("time" in named and {"position", "velocity"} & named):
+        named = set(log.stated.columns or {})  # where that is all that a log must have, a refusal is about these words
+        if not unnamed or ("time" in named and {"position", "velocity"} & named):
             raise
-    return [_guessed(path, setup, words or {}, known, unsure, scales)]
+    return _guessed(log, unsure)
 
 
 def _is_log(path: Path) -> bool:
@@ -76,18 +87,18 @@ def _with(recording: Recording, known: Known) -> Recording:
     return recording
 
 
-def _guessed(
-    path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool, stated: Scales | None
-) -> Imported:
-    stated = scales_of_stage(setup) if setup is not None else stated
+def _guessed(log: SourceLog, unsure: bool) -> Imported:
+    path, stated = log.path, log.stated
+    setup, words, known = stated.setup, stated.columns or {}, stated.known
+    fixed = scales_of_stage(setup) if setup is not None else stated.scales
     taken = guess(path, known.of_stage(setup) if setup else known, words)
-    scales, notes = (stated, ()) if stated else (_of_kind(taken.scales, words, path), taken.notes)
+    scales, notes = (fixed, ()) if fixed else (_of_kind(taken.scales, words, path), taken.notes)
     unnamed = tuple(_beside(part, words) for part in taken.columns if part.quantity not in words)
     taken = Guess(unnamed, scales, notes)
-    _check_known(path, taken, stated)
+    _check_known(path, taken, fixed)
     if taken.columns and taken.sure < constants.LEAST_SURE and not unsure:
-        raise _not_sure(path, taken)
-    (recording,) = read(path, setup, {**taken.words, **words}, taken.scales)
+        raise _not_sure(path, taken, path.parent if log.about else path)
+    recording = read_log(log._replace(stated=Stated(setup, {**taken.words, **words}, taken.scales)))
     recording.meta["notes"] = [*map(line, taken.columns), *taken.notes, *recording.meta["notes"]]
     constant = {"force_constant": taken.scales.force_constant} if taken.scales.force_constant else {}
     stage = {"name": path.stem, **axis_values(recording.meta["axis"]), **constant}
@@ -131,14 +142,15 @@ def line(part: GuessedColumn) -> str:
     return f"{part.quantity} is taken from {part.column} in {part.unit}, {100.0 * part.sure:.0f} % sure: {part.why}"
 
 
-def _not_sure(path: Path, taken: Guess) -> RecordingError:
+def _not_sure(path: Path, taken: Guess, source: Path) -> RecordingError:
+    """What to say of a guess about a log, alone or of a folder `source` of captures."""
     said = ",".join(f"{quantity}={where}" for quantity, where in taken.words.items())
     least = min(taken.columns, key=lambda part: part.sure)
     lines = "\n  ".join([*map(line, taken.columns), *taken.notes])
     reason = (
         f"{path} does not say what its columns are: its {line(least)}. Less than "
         f"{100.0 * constants.LEAST_SURE:.0f} % sure is not taken unasked: name it with --columns {said!r}, or take it "
-        f"with `stagectl import {path} --yes`, which also takes --counts and --force-constant. "
+        f"with `stagectl import {source} --yes`, which also takes --counts and --force-constant. "
         f"All that is guessed:\n  {lines}"
     )
     return RecordingError(reason, path, ProblemKind.VALUE, column=least.quantity)

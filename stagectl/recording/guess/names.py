@@ -15,14 +15,16 @@ from stagectl.recording.guess import units
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.metadata import flat
 
+_ASKED = r"ref|setp|(?<![a-z])set(?![a-z])|soll|desired|demand|target|command|cmd"
 _HINTS = {
     "time": r"time|stamp|^t$",
-    "position": r"pos|angle|(?<![a-z])enc|theta|^q$|^qm$|^x$",
-    "velocity": r"vel|speed|omega|r/min|rpm|^dq|^v$",
-    "reference": r"ref|setp|desired|demand|target|command|cmd|^qg$|^qd$",
+    "position": r"pos|angle|(?<![a-z])enc|theta|^q$|^qm$|^x(?![a-z])",
+    "velocity": r"vel|speed|omega|geschw|drehzahl|rpm|/(?:s|sec|min)\b(?!\^)|^dq|^v$",
+    "reference": rf"{_ASKED}|^qg$|^qd$",
     "effort": rf"{units.CURRENT}|torque|force|moment|tau|^u$|^vir$",
-    "command": r"cmd|command|demand|target|desired|ref|setp|^u$|^vir$",
-    "no effort": r"volt|supply|accel|temp|(?<![a-z])(?:acc|[uvi]_?d|[uv]_?q|[uv]_?(?:dc|bus|link|batt?|in))(?![a-z])",
+    "command": rf"{_ASKED}|^u$|^vir$",
+    "no effort": r"volt|supply|accel|/s(?:\^?2|²)|temp|"
+    r"(?<![a-z])(?:acc|[uvi]_?d|[uv]_?q|[uv]_?(?:dc|bus|link|batt?|in))(?![a-z])",
 }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from stagectl.number_format import percent
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
-from stagectl.recording.guess import motion
+from stagectl.recording.guess import motion, units
 from stagectl.recording.guess.names import Column, by_name, hinted, may_drive
 
 
@@ -65,18 +65,22 @@ def beside(columns: Sequence[Column], time: Column) -> list[Column]:
 
 
 def position_and_velocity(columns: Sequence[Column], blocks: motion.Blocks) -> tuple[Role | None, Role | None]:
-    """The pair of which one is the other's derivative, the longest travel first; else what names and smoothness say."""
-    pairs = []
-    for x in columns:
+    """The pair of which one is the other's derivative, the longest travel first; else what names and smoothness say.
+
+    A column that is called a position comes before the others, whatever is the derivative of what.
+    """
+    pairs, free = [], [c for c in columns if not any(hinted(c, other) for other in ("velocity", "effort", "no effort"))]
+    named = _named(free)
+    for x in named or free:
         for v in columns:
-            if x is v or hinted(x, "velocity") or hinted(x, "effort") or hinted(v, "effort"):
+            if x is v or hinted(v, "effort"):
                 continue
             ratio, share = motion.derivative(blocks, x.values, v.values)
             if share >= constants.DERIVATIVE:
                 worth = float(np.ptp(x.values)) * (0.5 if hinted(x, "reference") else 1.0)
                 pairs.append((worth, share, ratio, x, v))
     if not pairs:
-        return _alone(columns, blocks)
+        return _alone(columns, named, blocks)
     derived = {pair[4].name for pair in pairs}  # a force is often the derivative of a velocity
     pairs = [pair for pair in pairs if pair[3].name not in derived] or pairs
     longest = max(pair[0] for pair in pairs)
@@ -85,16 +89,30 @@ def position_and_velocity(columns: Sequence[Column], blocks: motion.Blocks) -> t
     return Role(x, constants.SURE_BY_PHYSICS, why), Role(v, constants.SURE_BY_PHYSICS, f"it is {x.name}'s", ratio)
 
 
-def _alone(columns: Sequence[Column], blocks: motion.Blocks) -> tuple[Role | None, Role | None]:
-    """A position without a velocity, or a velocity without a position."""
-    for quantity in ("position", "velocity"):
-        named = [c for c in columns if hinted(c, quantity) and not hinted(c, "effort") and not hinted(c, "reference")]
-        if named:
-            smoothest = min(named, key=lambda c: motion.roughness(c.values))
-            role = Role(smoothest, constants.SURE_BY_NAME, f"its header says {quantity}")
-            return (role, None) if quantity == "position" else (None, role._replace(ratio=1.0))
+def _named(columns: Sequence[Column]) -> list[Column]:
+    """Columns that are called a position, else those in a unit of one."""
+    measured = [column for column in columns if not hinted(column, "reference")]
+    called = [column for column in measured if hinted(column, "position")]
+    return called or [column for column in measured if units.said(column.words, "position")]
+
+
+def _smoothest(columns: Sequence[Column]) -> Column:
+    return min(columns, key=lambda column: motion.roughness(column.values))
+
+
+def _alone(
+    columns: Sequence[Column], named: Sequence[Column], blocks: motion.Blocks
+) -> tuple[Role | None, Role | None]:
+    """A position without a velocity, one of those that are `named` so, or a velocity without a position."""
+    if named:
+        position = _smoothest(named)
+        if hinted(position, "position"):
+            return Role(position, constants.SURE_BY_NAME, "its header says position"), None
+        return Role(position, constants.SURE_BY_MAGNITUDE, "it is the smoothest in a unit of a position"), None
     free = [column for column in columns if not hinted(column, "effort")] or list(columns)
-    smoothest = min(free, key=lambda column: motion.roughness(column.values))
+    if called := [column for column in free if hinted(column, "velocity") and not hinted(column, "reference")]:
+        return None, Role(_smoothest(called), constants.SURE_BY_NAME, "its header says velocity", 1.0)
+    smoothest = _smoothest(free)
     others = [column.values for column in columns if column is not smoothest]
     as_velocity, as_position = (
         max((motion.drives(blocks, speed, other).share for other in others), default=0.0)

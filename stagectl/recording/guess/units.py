@@ -10,7 +10,7 @@ from stagectl.number_format import duration
 from stagectl.recording import constants
 from stagectl.recording.columns import Array
 from stagectl.recording.repair import smallest_step
-from stagectl.recording.scales import Known, Scales, is_unit
+from stagectl.recording.scales import Known, Scales, bases_of
 from stagectl.units import LINEAR, ROTARY, factor
 
 _WORDS = {
@@ -18,6 +18,11 @@ _WORDS = {
     "position": ("rad", "deg", "rev", "counts", "m", "mm", "um"),
     "velocity": ("rad/s", "deg/s", "rpm", "r/min", "m/s", "mm/s"),
     "effort": ("A", "mA", "Nm", "mNm", "N", "V", "%", "permille", "‰"),
+}
+_BASES: dict[str, tuple[dict[str, int], ...]] = {
+    "time": ({"s": 1},),
+    "position": ({"m": 1}, {"rad": 1}, {"counts": 1}),
+    "velocity": ({"m": 1, "s": -1}, {"rad": 1, "s": -1}, {"counts": 1, "s": -1}),
 }
 CURRENT = r"curr|amp|(?<![a-z])i_?q(?![a-z])|^i(?![a-z])"  # words of one that makes force
 _ROTARY = re.compile(r"angle|angular|theta|rot(?:or|ation)|joint")
@@ -37,13 +42,15 @@ def said(words: str, kind: str) -> Unit | None:
     for name in sorted(_WORDS[kind], key=len, reverse=True):
         if re.search(rf"(?:^|[\s_\[(]){re.escape(name.lower())}(?:$|[\s\])])", tidy):
             return Unit("rpm" if name == "r/min" else name, constants.SURE_BY_NAME, f"its header says {name}")
+    if bases_of(unit := bracketed(words)) in _BASES.get(kind, ()):
+        return Unit(unit, constants.SURE_BY_NAME, f"its header says {unit}")
     return None
 
 
-def stranger(words: str) -> str:
-    """What the words around a column have in brackets, where a unit belongs; empty where that is a known one."""
+def bracketed(words: str) -> str:
+    """What the words around a column have in brackets, where a unit belongs; empty where nothing."""
     within = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", words)
-    return within[1] if within and not is_unit(within[1]) else ""
+    return within[1] if within else ""
 
 
 def known(quantity: str) -> tuple[str, ...]:
@@ -60,7 +67,7 @@ def of_time(words: str, time: Array) -> Unit:
     for longest, sure in ((high, constants.SURE_BY_PHYSICS), (constants.RARE_ROWS, constants.SURE_BY_MAGNITUDE)):
         if fit := [name for name in (*_WORDS["time"], "ns") if low <= step * factor(name, "s") <= longest]:
             return Unit(fit[0], sure, f"rows come every {duration(step * factor(fit[0], 's'))}")
-    return Unit("s", constants.SURE_BY_DEFAULT, f"no header names a unit, and rows come every {step:.4g}")
+    return Unit("s", constants.SURE_BY_DEFAULT, f"no header names its unit, and rows come every {step:.4g}")
 
 
 def of_position(words: str, position: Array, ratio: float, speed_unit: str, known: Known) -> Unit:
@@ -103,7 +110,7 @@ def _proposed(travel: float, rotary: bool, known: Known) -> Unit:
         return Unit("counts", constants.SURE_BY_NAME, f"it travels {travel:.4g}")
     short = "rad" if rotary or travel > constants.LONG_TRAVEL else "m"
     name = known.axis.units("position")[0] if known.axis else "counts" if counts else short
-    return Unit(name, constants.SURE_BY_DEFAULT, f"no header names a unit, and it travels {travel:.4g}")
+    return Unit(name, constants.SURE_BY_DEFAULT, f"no header names its unit, and it travels {travel:.4g}")
 
 
 def of_velocity(words: str, velocity: Array) -> Unit:

@@ -34,7 +34,8 @@ def test_a_common_scale_stands_for_the_three_and_the_rest_stays(session: Any, no
     ((place, value),) = force_constant.fields
     assert place == "motor.force_constant"
     assert value == pytest.approx(session.stage.motor.force_constant / 1.25)
-    assert force_constant.alternatives[0] == "current_gain" and "inertia" in force_constant.alternatives
+    assert force_constant.alternatives == ("current_gain", "inertia_and_all_friction")
+    assert [name for name, _ in force_constant.choices] == ["inertia_and_all_friction"]
 
 
 def test_shifts_come_by_their_share_and_name_the_force_constant_where_two_agree(session: Any, now: Any) -> None:

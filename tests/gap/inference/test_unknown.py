@@ -12,8 +12,10 @@ from stagectl.gap.inference import shape_fits, unknown, unstructured_residual
 from stagectl.gap.inference.basis_functions import EVEN, INERTIAL, ODD, CoordinateBasis, hats
 from stagectl.gap.inference.shape_fits import ShapeFit
 from stagectl.gap.inference.unknown import Explained
+from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.linearised import Predicted
+from stagectl.kernels.effects import TURN
 
 SPEED = CoordinateBasis("speed", lambda m: m.velocity, hats(np.array([0.0, 1.0, 2.0])), 0.0, 2.0)
 PLACE = SPEED._replace(coordinate="position")
@@ -41,6 +43,22 @@ def test_an_error_in_the_form_of_an_effect_is_no_unknown_over_its_coordinate() -
     assert unknown._form_error("speed", cogging) == 0.0
     over_place, over_speed = FIT._replace(basis=PLACE), FIT
     assert unknown._clear([over_place, over_speed], cogging, 50.0) == [over_speed]
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "kind", "pitch", "said"),
+    [
+        ("position", "linear", TURN, True),
+        ("speed", "linear", TURN, False),
+        ("position", "linear", 0.032, False),
+        ("position", "rotary", TURN, False),
+    ],
+)
+def test_an_unknown_over_the_position_asks_for_the_pitch(coordinate: str, kind: str, pitch: float, said: bool) -> None:
+    session: Any = SimpleNamespace(kind=kind, stage=SimpleNamespace(mechanics=SimpleNamespace(pitch=pitch)))
+    shape = UnknownTerm(coordinate, np.zeros(2), np.zeros(2), 0.8)
+    assert ["stage.pitch" in text for text in unknown.without_pitch(session, shape)] == [True] * said
+    assert not unknown.without_pitch(session, None)
 
 
 def test_a_shape_that_the_model_can_hold_is_taken_before_a_richer_one() -> None:

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stagectl.config.stage_file import Setup
 from stagectl.gap.result.diagnosis import FoundEffect
-from stagectl.gap.validation import held_out_gap, rollouts, validate
+from stagectl.gap.validation import closure, held_out_gap, rollouts, validate
+from stagectl.kernels.stage import scaled_friction, sliding, stretched_friction
 
 RICH, PLAIN, NOMINAL = (SimpleNamespace(name=name) for name in ("rich", "plain", "nominal"))
 STAGES: Any = [RICH, PLAIN, NOMINAL]
@@ -47,6 +49,24 @@ def test_without_a_known_loop_the_effort_decides(
     e: Any = SimpleNamespace(runs=(), base=SimpleNamespace(model=model, noise=None))
     monkeypatch.setattr(validate, "effort", lambda model, *_: SimpleNamespace(squares=np.array(remaining[model.name])))
     assert validate._best_model(session, e, STAGES) is taken
+
+
+@pytest.mark.parametrize(("named", "probability"), [("presliding", 0.9), ("presliding", 0.1), ("inertia", 0.9)])
+def test_a_fitted_curve_of_the_friction_has_to_bring_the_loop_closer(
+    ball_screw: Setup, named: str, probability: float
+) -> None:
+    """Before each model comes itself with the nominal curve; where the curve's length is named, it has been judged."""
+    nominal = ball_screw.stage
+    bent = stretched_friction(scaled_friction(nominal.friction, 1.3), 2.0)
+    fitted = nominal._replace(mechanics=nominal.mechanics._replace(inertia=0.02), friction=bent)
+    session: Any = SimpleNamespace(stage=nominal)
+    said: Any = SimpleNamespace(models=[fitted], shifts=[SimpleNamespace(name=named, probability=probability)])
+    *before, last = validate._models(session, said)
+    assert last is fitted and not closure.keeps_form(fitted, nominal)
+    assert len(before) == (0 if (named, probability) == ("presliding", 0.9) else 1)
+    for plain in before:
+        assert plain.mechanics == fitted.mechanics and closure.keeps_form(plain, nominal)
+        assert sliding(plain.friction) == pytest.approx(1.3 * sliding(nominal.friction))
 
 
 @pytest.mark.parametrize(
