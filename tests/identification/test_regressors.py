@@ -89,7 +89,7 @@ def test_the_rows_of_the_spans_are_those_of_all_rows() -> None:
 
 def test_the_speed_around_a_reversal_is_not_that_of_a_window_for_accelerations() -> None:
     """2 kHz and 20,000 counts: friction that falls within 0.2 rad/s of a reversal is still there."""
-    time = np.arange(8000) * 0.5e-3
+    time: Array = np.arange(8000, dtype=np.float64) * 0.5e-3
     count, turn = 2.0 * np.pi / 20000, 2.0 * np.pi * 1.6
     swing = np.sin(turn * time) / turn
     capture = moved(np.zeros(len(TIME)))._replace(

@@ -60,7 +60,8 @@ def _force_constant(session: Session, shift: Shift, probability: float, now: Fit
 
 def _shifted(session: Session, shift: Shift, now: Fitted) -> FoundEffect:
     low, high = ((end - shift.value.value) / shift.scale for end in (shift.value.low, shift.value.high))
-    change = Value(shift.change, shift.change + low, shift.change + high, "")
+    unit = "periods" if shift.name == "time_shift" else ""  # it is relative to the control period
+    change = Value(shift.change, shift.change + low, shift.change + high, unit)
     return FoundEffect(
         shift.name,
         tuple(dict.fromkeys((*shift.alike, *_alternatives(session, shift.name)))),
