@@ -1,5 +1,6 @@
 """The command `record`: rows of a running service as a file."""
 
+import contextlib
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -62,13 +63,15 @@ def _recorded(body: dict[str, Any], bounded: bool, socket: Path | None) -> dict[
     """Begin a recording and wait for its end, or end it when the operator does.
 
     Who interrupts while the service begins it waits for the answer: the recording would go on unattended.  The bar is
-    loaded before: an interrupt in an import ends the process by the signal, whatever is caught.
+    loaded before: an interrupt in an import ends the process by the signal, whatever is caught.  Its thread begins with
+    the signals held back, too: one that any thread takes interrupts the main thread.
     """
     begun: dict[str, str] = {}
     seconds = body["seconds"] if bounded else 0.0
     try:
-        with progress("record", max(round(10 * seconds), 1)) as update:
+        with contextlib.ExitStack() as bar:
             with held_back(*STOPS):
+                update = bar.enter_context(progress("record", max(round(10 * seconds), 1)))
                 begun.update(ask_service(socket, "POST", "/v1/recordings", body))
             console.print(f"recording {begun['axis']}" + ("" if bounded else "; Ctrl-C ends"))
             _until_whole(begun, seconds, socket, update)
