@@ -194,7 +194,8 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
     conclusions, location, closure = said.conclusions, said.location, said.validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open or said.refuted else None)
     spared = unjudged(session, said.selected)
-    effects = [confirmed(effect, closure, spared) for effect in shares.of_effects(conclusions.effects, closure.shares)]
+    found = shares.as_improved(conclusions.effects, session.stage, said.validation.improved)
+    effects = [confirmed(effect, closure, spared) for effect in shares.of_effects(found, closure.shares)]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
     agrees = verdict == "none" and closure.gap.at_floor(closure.gap.before)

@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stagectl.config.stage_file import Setup
 from stagectl.gap import diagnose
 from stagectl.gap.inference.conclusions import Conclusions
+from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.result.diagnosis import FORM, NOISE, UNORDERED, FoundEffect, Value
 from stagectl.gap.steps import Step, StepTimer
 from stagectl.gap.validation import shares as shares_of
+from stagectl.kernels.stage import scaled_friction, stretched_friction
 
 DWELL = FoundEffect("dwell", (), 0.9, 0.0, {})
 INERTIA, BIAS = (
@@ -60,6 +63,19 @@ def test_the_length_of_the_rolling_zone_has_the_share_of_the_friction_s_form() -
     zone = FoundEffect("presliding", (), 0.9, 2.0, {}, parameter=True)
     inertia, length = shares_of.of_effects([INERTIA, zone], {"parameters": 0.1, FORM: 0.7, NOISE: 0.2})
     assert (inertia.share, length.share) == pytest.approx((0.125, 0.875))
+
+
+def test_a_coulomb_friction_is_written_with_the_curve_of_the_improved_model(ball_screw: Setup) -> None:
+    """The fitted curve may lead the loop away, and the improved model has the nominal one then."""
+    nominal = ball_screw.stage
+    size, bent = scaled_friction(nominal.friction, 1.2), stretched_friction(nominal.friction, 2.0)
+    fitted = FoundEffect(
+        "coulomb", (), 0.9, 1.0, {}, fields=fields_of(nominal, nominal._replace(friction=bent)), parameter=True
+    )
+    inertia, coulomb = shares_of.as_improved([INERTIA, fitted], nominal, nominal._replace(friction=size))
+    assert inertia is INERTIA
+    assert dict(coulomb.fields) == dict(fields_of(nominal, nominal._replace(friction=size)))
+    assert shares_of.as_improved([fitted], nominal, nominal) == [fitted]
 
 
 def session(*logs: dict[str, Any]) -> Any:

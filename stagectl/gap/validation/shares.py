@@ -33,6 +33,17 @@ def law_of(nominal: Stage, found: Validation) -> Fields:
     shares = found.closure.shares
     if shares.get(FORM, 0.0) < FORM_SHARE * closable(shares) or not found.closure.gap.shrinks:
         return ()
-    fitted = found.improved.friction
-    law = nominal.friction._replace(operators=fitted.operators, bristle=fitted.bristle)
+    return _rubbing(nominal, found.improved)
+
+
+def as_improved(effects: Sequence[FoundEffect], nominal: Stage, improved: Stage) -> list[FoundEffect]:
+    """The `effects`, a Coulomb friction with the curve of the improved model: a fitted one may lead the loop away."""
+    fields = _rubbing(nominal, improved)
+    return [effect._replace(fields=fields) if effect.name == "coulomb" and fields else effect for effect in effects]
+
+
+def _rubbing(nominal: Stage, improved: Stage) -> Fields:
+    """Size and curve of the improved model's friction, without its further effects."""
+    rubs = improved.friction
+    law = nominal.friction._replace(operators=rubs.operators, bristle=rubs.bristle)
     return fields_of(nominal, nominal._replace(friction=law))
