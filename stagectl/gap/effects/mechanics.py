@@ -58,7 +58,7 @@ def _backlash(s: Scales) -> Parameters:
     return Parameters(
         (Amplitude("gap", "rad | m", gaps, 0.0, 20.0 * s.length),),
         (
-            Shape("load_share", "", (0.3,), True, 0.02, 0.95),
+            Shape("load_share", "", (grids.LOAD_SHARE,), True, 0.02, 0.95),
             Shape("load_friction", "", (0.9, 0.4), True, 0.0, 1.0, share=True),
             Shape("resonance", "Hz", closed, True, grids.SOFTEST_TRAIN, max(highest, grids.SOFTEST_TRAIN)),
             Shape("damping", "", (0.1,), True, 0.01, 1.0),

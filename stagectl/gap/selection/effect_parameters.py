@@ -86,9 +86,10 @@ def limits(effects: Sequence[EffectValues]) -> list[tuple[float, float]]:
             limits.append((amplitude.low - value, amplitude.high - value))
         for shape in _refined(valued):
             value = valued.values[shape.name]
-            low, high = value / thresholds.SHAPE_FACTOR, value * thresholds.SHAPE_FACTOR
-            low, high = (0.0, 1.0) if shape.share else (low, high)
-            limits.append((max(low, shape.low) - value, min(high, shape.high) - value))
+            low, high = shape.low, shape.high
+            if not shape.share:
+                low, high = max(value / thresholds.SHAPE_FACTOR, low), min(value * thresholds.SHAPE_FACTOR, high)
+            limits.append((low - value, high - value))
     return limits
 
 
@@ -108,5 +109,6 @@ def shifted(valued: EffectValues, move: Mapping[str, float]) -> EffectValues:
     """An effect with its parameters moved by their steps."""
     moves = {name: move.get(f"{valued.effect.name}.{name}", 0.0) for name in valued.values}
     values = {name: value + moves[name] for name, value in valued.values.items()}
-    shares = {shape.name: min(max(values[shape.name], 0.0), 1.0) for shape in valued.effect.shapes if shape.share}
-    return EffectValues(valued.effect, {**values, **shares})
+    shares = [shape for shape in valued.effect.shapes if shape.share]
+    bounded = {shape.name: min(max(values[shape.name], shape.low), shape.high) for shape in shares}
+    return EffectValues(valued.effect, {**values, **bounded})

@@ -25,9 +25,8 @@ def _load(v: Values) -> Values:
 
 
 def _base(v: Values) -> Values:
-    return {
-        "ratio": v["load_share"] / (1.0 - v["load_share"]), "frequency": v["resonance"], "damping": v["damping"]
-    }  # fmt: skip
+    ratio = v["load_share"] / (1.0 - v["load_share"])
+    return {"ratio": ratio, "frequency": v["resonance"], "damping": v["damping"]}
 
 
 OTHERS: dict[str, Other] = {"base_vibration": ("compliance", _load), "compliance": ("base_vibration", _base)}
