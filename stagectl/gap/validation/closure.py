@@ -73,7 +73,7 @@ def in_closed_loop(session: Session, selected: Selection, improved: Stage, logs:
         return held_out_gap.remaining(judged, rollouts.simulated_logs(session, model.stage, logs))
 
     shares, refuted = _worth(session, selected, improved, remaining, position)
-    traces = held_out_gap.traces([item.log for item in judged], before, after, position.floor, session.dt)
+    traces = held_out_gap.traces(judged, before, after, position.floor, session.dt)
     measured = gaps if session.logs[0].current is not None else {}
     return Closure(position, measured, shares, traces, refuted, stays_open(position, logs))
 
