@@ -269,6 +269,26 @@ def test_one_effect_that_explains_nearly_all_of_what_several_do_is_taken_alone(
     assert select._first_of(*given) is (fits["large"] if alone else together)
 
 
+@pytest.mark.parametrize(("gap", "taken"), [(1e-8, "compliance"), (2e-5, "backlash")])
+def test_a_gap_of_nothing_behind_a_spring_is_a_spring(monkeypatch: pytest.MonkeyPatch, gap: float, taken: str) -> None:
+    """A backlash whose gap closes in the fit is a compliance, and explains what that explains."""
+
+    def start(name: str, **values: float) -> Any:
+        sizes = [SimpleNamespace(name=next(iter(values)), typical=(1e-5,))]
+        effect = SimpleNamespace(name=name, resonant=True, nonlinear=name == "backlash", amplitudes=sizes)
+        return SimpleNamespace(effect=effect, values=values)
+
+    def refined(_: Any, __: Any, effects: Any, **___: float) -> Any:
+        left = {"compliance": 72625.0, "backlash": 72624.0}[effects[-1].effect.name]
+        return SimpleNamespace(effects=effects, residual_sum_of_squares=left)
+
+    monkeypatch.setattr(refine, "refine", refined)
+    starts: Any = [start("compliance", share=0.4), start("backlash", gap=gap)]
+    now: Any = SimpleNamespace(model=None, effects=(), residual_sum_of_squares=80063.0)
+    grown: Any = select._grown(cast("Any", None), now, starts[:1], starts)
+    assert grown.effects[-1].effect.name == taken
+
+
 @pytest.mark.parametrize(("rival", "steps"), [(math.inf, 4), (80.0, 4), (20.0, 2), (-1000.0, 1)])
 def test_a_fit_ends_where_no_further_step_brings_it_to_its_rival(
     rival: float, steps: int, monkeypatch: pytest.MonkeyPatch

@@ -81,8 +81,13 @@ def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> 
 
 def is_trace(valued: EffectValues) -> bool:
     """Whether an effect is no larger than what every machine has of it; one whose column bends has no trace."""
+    return not valued.effect.nonlinear and vanishes(valued)
+
+
+def vanishes(valued: EffectValues) -> bool:
+    """Whether an effect is so small that the machine might as well be without it."""
     sizes = [valued.values[a.name] / a.typical[0] for a in valued.effect.amplitudes]
-    return not valued.effect.nonlinear and math.hypot(*sizes) < constants.IMMATERIAL
+    return math.hypot(*sizes) < constants.IMMATERIAL
 
 
 def _enter(selection: Selection, at: Linearised, name: str, most: float) -> None:

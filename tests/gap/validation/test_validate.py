@@ -10,6 +10,7 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.result.diagnosis import FoundEffect
+from stagectl.gap.selection import refine
 from stagectl.gap.validation import closure, held_out_gap, rollouts, validate
 from stagectl.kernels.stage import scaled_friction, sliding, stretched_friction
 
@@ -67,6 +68,23 @@ def test_a_fitted_curve_of_the_friction_has_to_bring_the_loop_closer(
     for plain in before:
         assert plain.mechanics == fitted.mechanics and closure.keeps_form(plain, nominal)
         assert sliding(plain.friction) == pytest.approx(1.3 * sliding(nominal.friction))
+
+
+@pytest.mark.parametrize(
+    ("effects", "probability", "alone"),
+    [(("cable_spring",), 0.2, True), (("cable_spring",), 0.9, False), ((), 0.2, False)],
+)
+def test_what_is_not_named_is_not_moved(
+    monkeypatch: pytest.MonkeyPatch, ball_screw: Setup, effects: tuple[str, ...], probability: float, alone: bool
+) -> None:
+    """On a machine of the exam whose nominal values are exact, the fit moved them: 24 urad where the effect left 5."""
+    monkeypatch.setattr(refine, "at_values", lambda e, model, effects: (model.stage, effects))
+    session: Any = SimpleNamespace(stage=ball_screw.stage, dt=5e-4)
+    selected: Any = SimpleNamespace(fitted=SimpleNamespace(effects=effects))
+    said: Any = SimpleNamespace(shifts=[SimpleNamespace(name="inertia", probability=probability)])
+    nothing: Any = None
+    found = validate._effects_alone(session, nothing, selected, said)
+    assert found == ([(ball_screw.stage, effects)] if alone else [])
 
 
 @pytest.mark.parametrize(
