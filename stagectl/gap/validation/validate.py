@@ -47,10 +47,9 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
     alone = _effects_alone(session, e, selected, conclusions)
     first = [fitted.equipped.stage for fitted in alone]
     best = _best_model(session, e, [*first, *_models(session, conclusions), session.stage])
-    if best in first:
-        selected = selected._replace(fitted=alone[0])
+    judged = next((fitted for fitted, stage in zip(alone, first, strict=True) if stage is best), None)
     improved = put_in(best, conclusions.signatures)
-    found = closure(session, e, selected, improved)
+    found = closure(session, e, selected, improved, judged)
     if found.gap.after > found.gap.before:
         best = improved = session.stage
         found = closure(session, e, selected, improved)
