@@ -152,12 +152,13 @@ def with_limit(values: dict[str, Value], fitted: EffectValues, before: Stage) ->
 
 
 def _in_order(values: dict[str, Value], session: Session) -> dict[str, Value]:
-    """The values, what tells most first: the gap of a backlash, the period of a map.
+    """The values, what tells most first: the gap of a backlash, the size of an offset, the period of a map.
 
     An order needs the pitch: one that was fitted is also given as a period.
     """
-    if "gap" in values:
-        return {"gap": values["gap"], **values}
+    for first in ("gap", "current"):
+        if first in values:
+            return {first: values[first], **values}
     order, pitch, of_map = values.get("order"), session.stage.mechanics.pitch, next(iter(values), "") == "order"
     if order is None or not (of_map or order.low < order.high):
         return values

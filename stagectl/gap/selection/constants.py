@@ -46,6 +46,7 @@ RIPPLES = ("current_ripple", "ball_pass_ripple")
 TIMING = ("dead_time", "current_loop")  # effects that make it answer later
 CLIPPING = ("current_saturation", "voltage_saturation")  # effects that cut off the noise of a repeat as well
 SCALING = ("current_gain", "torque_path")  # what it reports, and what it gives
+OFFSET = "current_offset"  # what it reports, or gives
 
 AT_BOUND = 0.01  # of an end of an amplitude's range; chosen.  So near to it, the data ask for more than there is.
 

@@ -83,12 +83,13 @@ def _models(session: Session, conclusions: Conclusions) -> list[Stage]:
     return [p for pair in pairs for p in pair]
 
 
-def confirmed(effect: FoundEffect, found: Closure, spared: Collection[str]) -> FoundEffect:
-    """`effect` as the loop confirms it: one that takes nothing of a gap that stays open is not what is missing.
+def confirmed(effect: FoundEffect, unexplained: bool, spared: Collection[str]) -> FoundEffect:
+    """`effect` as the loop confirms it: where something is `unexplained`, one that takes nothing of the gap is not it.
 
-    Of those that are `spared` the loop says little: see `closure.unjudged`.
+    Fitted next to a cause without a name, an effect or a parameter takes on a part of that.  Of those that are `spared`
+    the loop says little: see `closure.unjudged`.
     """
-    if not found.open or effect.share > 0.0 or effect.name in spared:
+    if not unexplained or effect.share > 0.0 or effect.name in spared:
         return effect
     return effect._replace(probability=min(effect.probability, stands(0.0, 1.0)))
 

@@ -88,7 +88,7 @@ def test_what_is_not_named_is_not_moved(
 
 
 @pytest.mark.parametrize(
-    ("stays_open", "share", "beside", "named"),
+    ("unexplained", "share", "beside", "named"),
     [
         (True, 0.0, False, False),
         (True, 0.3, False, True),
@@ -96,10 +96,9 @@ def test_what_is_not_named_is_not_moved(
         (True, 0.0, True, True),  # the gap is that of the function next to it
     ],
 )
-def test_what_takes_nothing_of_a_gap_that_stays_open_is_not_what_is_missing(
-    stays_open: bool, share: float, beside: bool, named: bool
+def test_what_takes_nothing_of_a_gap_that_is_not_explained_is_not_what_is_missing(
+    unexplained: bool, share: float, beside: bool, named: bool
 ) -> None:
     effect = FoundEffect("current_saturation", (), 1.0, share, {}, block="drive")
-    found: Any = SimpleNamespace(open=stays_open)
     others = {effect.name} if beside else set()
-    assert (validate.confirmed(effect, found, others).probability > 0.5) is named
+    assert (validate.confirmed(effect, unexplained, others).probability > 0.5) is named
