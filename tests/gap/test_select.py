@@ -12,6 +12,7 @@ import pytest
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, starting_places, waves
+from stagectl.gap.selection.established import Selection, _with_rival
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
@@ -287,6 +288,24 @@ def test_a_gap_of_nothing_behind_a_spring_is_a_spring(monkeypatch: pytest.Monkey
     now: Any = SimpleNamespace(model=None, effects=(), residual_sum_of_squares=80063.0)
     grown: Any = select._grown(cast("Any", None), now, starts[:1], starts)
     assert grown.effects[-1].effect.name == taken
+
+
+@pytest.mark.parametrize(("left", "taken"), [(413.0, True), (840.0, False)])
+def test_a_rival_whose_own_fit_explains_more_takes_the_place(
+    monkeypatch: pytest.MonkeyPatch, left: float, taken: bool
+) -> None:
+    """A Stribeck friction of the exam was called viscous friction that bends, with itself as the alternative."""
+    bent, stribeck = (SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("viscous_nonlinear", "stribeck"))
+    now: Any = SimpleNamespace(model=None, effects=(bent,))
+    rivals: Any = {"viscous_nonlinear": {"stribeck": stribeck}}
+    selection = Selection(now, (860.0, 0.0), {"viscous_nonlinear": 0.77}, {}, {}, rivals)
+    monkeypatch.setattr(refine, "refine", lambda _, __, effects: SimpleNamespace(effects=tuple(effects)))
+    monkeypatch.setattr(linearised, "excess", lambda *_: (left, 0.0))
+    monkeypatch.setattr(linearised, "strokes", lambda _: 66)
+    nothing: Any = None
+    found = _with_rival(nothing, nothing, selection)
+    assert (found is not None) is taken
+    assert found is None or [valued.effect.name for valued in found.effects] == ["stribeck"]
 
 
 @pytest.mark.parametrize(("rival", "steps"), [(math.inf, 4), (80.0, 4), (20.0, 2), (-1000.0, 1)])
