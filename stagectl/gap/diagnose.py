@@ -204,8 +204,8 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
     spared = unjudged(session, said.selected)
     found = shares.as_improved(conclusions.effects, session.stage, said.validation.improved)
     changed = swept_parameters.swept(session, said.selected.fitted)
-    whole = swept_parameters.merged(shares.of_effects(found, closure.shares), changed)
-    effects = [confirmed(effect, shape is not None, spared) for effect in whole]
+    merged = swept_parameters.merged(shares.of_effects(found, closure.shares), changed)
+    effects = [confirmed(effect, shape is not None, spared) for effect in merged.effects]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
     agrees = verdict == "none" and closure.gap.at_floor(closure.gap.before)
@@ -216,8 +216,8 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
         blocks=location.blocks,
         coordinates=location.coordinates,
         captures=location.captures,
-        parts=attribution.of_named(location.parts, named),
-        shares=tuple(closure.shares.items()),
+        parts=attribution.of_named(merged.of_effort(location.parts), named),
+        shares=tuple(merged.of_gap(closure.shares).items()),
         unknown=shape,
         traces=tuple(closure.traces),
         notes=(*session.notes, *said.validation.warnings),

@@ -7,11 +7,13 @@ patch holds the value from which it counts.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.effects.effect import MECHANICS
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.result.diagnosis import NAMED, FoundEffect
+from stagectl.gap.result.diagnosis import NAMED, PARAMETERS, FoundEffect, Part
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Fitted
 
@@ -42,7 +44,26 @@ def _factors(session: Session, now: Fitted, valued: EffectValues) -> dict[str, A
     return {}
 
 
-def merged(effects: Sequence[FoundEffect], factors: Swept) -> list[FoundEffect]:
+class Merged(NamedTuple):
+    """Effects with the parameters that they change."""
+
+    effects: list[FoundEffect]
+    taken_over: dict[str, float]  # by each of them, of what all parameters together take of the gap
+
+    def of_gap(self, shares: Mapping[str, float]) -> dict[str, float]:
+        """`shares` of the gap, what an effect has taken over from the parameters with it."""
+        whole = shares.get(PARAMETERS, 0.0)
+        moved = {name: share * whole for name, share in self.taken_over.items()}
+        rest = {PARAMETERS: whole - sum(moved.values())} if PARAMETERS in shares else {}
+        return {**shares, **rest, **{name: shares.get(name, 0.0) + share for name, share in moved.items()}}
+
+    def of_effort(self, parts: Sequence[Part]) -> tuple[Part, ...]:
+        """The same for `parts` of what the nominal model leaves."""
+        shares = self.of_gap({part.name: part.share for part in parts if part.block == MECHANICS})
+        return tuple(part._replace(share=shares[part.name]) if part.block == MECHANICS else part for part in parts)
+
+
+def merged(effects: Sequence[FoundEffect], factors: Swept) -> Merged:
     """The effects, each that is named with the parameters whose nominal value lies within what it changes them by."""
     sure = {
         effect.name: factors[effect.name]
@@ -50,16 +71,19 @@ def merged(effects: Sequence[FoundEffect], factors: Swept) -> list[FoundEffect]:
         if effect.probability >= NAMED and effect.name in factors
     }
     owner = {effect.name: name for effect in effects for name, of in sure.items() if _within(effect, of)}
+    own = {name: [effect for effect in effects if owner.get(effect.name) == name] for name in owner.values()}
+    whole = sum(effect.share for effect in effects if effect.parameter and effect.name != "presliding") or 1.0
+    kept = [_with(effect, own.get(effect.name, [])) for effect in effects if effect.name not in owner]
+    return Merged(kept, {name: sum(part.share for part in parts) / whole for name, parts in own.items()})
 
-    def whole(effect: FoundEffect) -> FoundEffect:
-        own = [other for other in effects if owner.get(other.name) == effect.name]
-        return effect._replace(
-            share=effect.share + sum(other.share for other in own),
-            parameters=effect.parameters | {other.name: other.parameters[other.name] for other in own},
-            fields=tuple(dict(field for part in (effect, *own) for field in part.fields).items()),
-        )
 
-    return [whole(effect) for effect in effects if effect.name not in owner]
+def _with(effect: FoundEffect, own: Sequence[FoundEffect]) -> FoundEffect:
+    """`effect` with its `own` parameters: their share, their values, their fields."""
+    return effect._replace(
+        share=effect.share + sum(other.share for other in own),
+        parameters=effect.parameters | {other.name: other.parameters[other.name] for other in own},
+        fields=tuple(dict(field for part in (effect, *own) for field in part.fields).items()),
+    )
 
 
 def _within(shift: FoundEffect, factors: Mapping[str, tuple[float, float]]) -> bool:

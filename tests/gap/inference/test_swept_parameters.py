@@ -10,7 +10,7 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.inference import swept_parameters
-from stagectl.gap.result.diagnosis import FoundEffect, Value
+from stagectl.gap.result.diagnosis import FoundEffect, Part, Value
 
 WARMING = FoundEffect("thermal_viscous", (), 0.99, 0.2, {}, fields=(("mechanics.viscous_warming.rise", 0.4),))
 
@@ -31,17 +31,24 @@ def shift(change: float, name: str = "viscous") -> FoundEffect:
 )
 def test_a_nominal_value_within_what_the_effect_changes_is_not_off(change: float, alone: bool) -> None:
     factors = {"thermal_viscous": {"viscous": (1.1, 1.4)}}
-    found = swept_parameters.merged([WARMING, shift(change), shift(change, "inertia")], factors)
+    together = swept_parameters.merged([WARMING, shift(change), shift(change, "inertia")], factors)
+    found = together.effects
     assert [effect.name for effect in found] == ["thermal_viscous", *(["viscous"] if alone else []), "inertia"]
     if not alone:
         assert found[0].share == pytest.approx(0.8) and found[0].parameters["viscous"].value == 0.19
+        gap = together.of_gap({"parameters": 0.6, "thermal_viscous": 0.3, "noise": 0.1})
+        assert gap == pytest.approx(
+            {"parameters": 0.3, "thermal_viscous": 0.6, "noise": 0.1}
+        )  # half of the parameters'
+        parts = [Part("parameters", "mechanics", "speed", 0.8), Part("thermal_viscous", "mechanics", "time", 0.2)]
+        assert [part.share for part in together.of_effort(parts)] == pytest.approx([0.4, 0.6])
         assert dict(found[0].fields) == {"mechanics.viscous_warming.rise": 0.4, "mechanics.viscous": 0.19}
 
 
 def test_an_effect_that_is_not_named_owns_nothing() -> None:
     doubted = WARMING._replace(probability=0.3)
     found = swept_parameters.merged([doubted, shift(0.1)], {"thermal_viscous": {"viscous": (1.1, 1.4)}})
-    assert found == [doubted, shift(0.1)]
+    assert found.effects == [doubted, shift(0.1)] and not found.taken_over
 
 
 def test_the_factors_are_those_of_the_logs(ball_screw: Setup) -> None:
