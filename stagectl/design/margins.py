@@ -35,7 +35,9 @@ class Margins(NamedTuple):
     stable: bool
 
 
-def margins(p: stage.Stage, designed: Feedback, dt: float, watching: observer.Observer = observer.ABSENT) -> Margins:
+def margins(
+    p: stage.Stage, designed: Feedback | feedback.Pid, dt: float, watching: observer.Observer = observer.ABSENT
+) -> Margins:
     """Margins of the running loop at the period `dt` (s), cut at the plant's input; `watching` is its observer.
 
     Raises DesignError where the stage's numbers are too extreme to compute with.
@@ -178,10 +180,12 @@ class Rational(NamedTuple):
         return values
 
 
-def compensator(designed: Feedback, dt: float) -> Rational:
+def compensator(designed: Feedback | feedback.Pid, dt: float) -> Rational:
     """From the position error to the current, as it runs at the period `dt` (s); a reference at rest."""
     if isinstance(designed, feedback.Gains):
         return _pid(feedback.discretised(designed, dt))
+    if isinstance(designed, feedback.Pid):
+        return _pid(designed)
     return _cascade(designed)
 
 

@@ -22,7 +22,15 @@ from stagectl.gap.controller_check.command_check import CommandCheck, check_comm
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
-from stagectl.gap.inference import attribution, cable_centre, constant_force, search_beside, unknown, value_errors
+from stagectl.gap.inference import (
+    attribution,
+    cable_centre,
+    constant_force,
+    search_beside,
+    swept_parameters,
+    unknown,
+    value_errors,
+)
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities, whitening
@@ -195,7 +203,9 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
     shape = conclusions.unknown or (UNORDERED if closure.open or said.refuted else None)
     spared = unjudged(session, said.selected)
     found = shares.as_improved(conclusions.effects, session.stage, said.validation.improved)
-    effects = [confirmed(effect, closure, spared) for effect in shares.of_effects(found, closure.shares)]
+    changed = swept_parameters.swept(session, said.selected.fitted)
+    merged = swept_parameters.merged(shares.of_effects(found, closure.shares), changed)
+    effects = [confirmed(effect, shape is not None, spared) for effect in merged.effects]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
     agrees = verdict == "none" and closure.gap.at_floor(closure.gap.before)
@@ -206,8 +216,8 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
         blocks=location.blocks,
         coordinates=location.coordinates,
         captures=location.captures,
-        parts=attribution.of_named(location.parts, named),
-        shares=tuple(closure.shares.items()),
+        parts=attribution.of_named(merged.of_effort(location.parts), named),
+        shares=tuple(merged.of_gap(closure.shares).items()),
         unknown=shape,
         traces=tuple(closure.traces),
         notes=(*session.notes, *said.validation.warnings),

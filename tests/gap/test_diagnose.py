@@ -52,6 +52,14 @@ def test_a_small_effect_that_is_all_of_the_gap_is_named_and_no_unknown(
     assert result.verdict == "effects" and _named(result) == [effect]
 
 
+def test_a_current_that_is_read_off_its_zero_needs_no_constant_force(tmp_path: Path) -> None:
+    """An offset of what the drive gives explains as much, with a constant force against it."""
+    result = diagnosed(drawn(tmp_path, 605880760, "current_offset", scale=4.0, experiments=FAST))
+    (offset,) = result.named
+    assert offset.name == "current_offset" and offset.parameters["reported"].value == 1.0
+    assert offset.parameters["current"].value == pytest.approx(0.1, abs=0.005)
+
+
 @by_night
 def test_a_viscous_friction_that_bends_downwards_is_no_stribeck_friction(tmp_path: Path) -> None:
     """Less than linear by a power of the speed: the exponent and its share come out with their intervals."""

@@ -12,6 +12,7 @@ import pytest
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, starting_places, waves
+from stagectl.gap.selection.established import Selection, _with_rival
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
@@ -267,6 +268,44 @@ def test_one_effect_that_explains_nearly_all_of_what_several_do_is_taken_alone(
     monkeypatch.setattr(select, "_grown", lambda e, now, added, starts: fits.get(added[0]))
     given: Any = (None, now, ["small", "large", "diverged"], [], together)
     assert select._first_of(*given) is (fits["large"] if alone else together)
+
+
+@pytest.mark.parametrize(("gap", "taken"), [(1e-8, "compliance"), (2e-5, "backlash")])
+def test_a_gap_of_nothing_behind_a_spring_is_a_spring(monkeypatch: pytest.MonkeyPatch, gap: float, taken: str) -> None:
+    """A backlash whose gap closes in the fit is a compliance, and explains what that explains."""
+
+    def start(name: str, **values: float) -> Any:
+        sizes = [SimpleNamespace(name=next(iter(values)), typical=(1e-5,))]
+        effect = SimpleNamespace(name=name, resonant=True, nonlinear=name == "backlash", amplitudes=sizes)
+        return SimpleNamespace(effect=effect, values=values)
+
+    def refined(_: Any, __: Any, effects: Any, **___: float) -> Any:
+        left = {"compliance": 72625.0, "backlash": 72624.0}[effects[-1].effect.name]
+        return SimpleNamespace(effects=effects, residual_sum_of_squares=left)
+
+    monkeypatch.setattr(refine, "refine", refined)
+    starts: Any = [start("compliance", share=0.4), start("backlash", gap=gap)]
+    now: Any = SimpleNamespace(model=None, effects=(), residual_sum_of_squares=80063.0)
+    grown: Any = select._grown(cast("Any", None), now, starts[:1], starts)
+    assert grown.effects[-1].effect.name == taken
+
+
+@pytest.mark.parametrize(("left", "taken"), [(413.0, True), (840.0, False)])
+def test_a_rival_whose_own_fit_explains_more_takes_the_place(
+    monkeypatch: pytest.MonkeyPatch, left: float, taken: bool
+) -> None:
+    """A Stribeck friction of the exam was called viscous friction that bends, with itself as the alternative."""
+    bent, stribeck = (SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("viscous_nonlinear", "stribeck"))
+    now: Any = SimpleNamespace(model=None, effects=(bent,))
+    rivals: Any = {"viscous_nonlinear": {"stribeck": stribeck}}
+    selection = Selection(now, (860.0, 0.0), {"viscous_nonlinear": 0.77}, {}, {}, rivals)
+    monkeypatch.setattr(refine, "refine", lambda _, __, effects: SimpleNamespace(effects=tuple(effects)))
+    monkeypatch.setattr(linearised, "excess", lambda *_: (left, 0.0))
+    monkeypatch.setattr(linearised, "strokes", lambda _: 66)
+    nothing: Any = None
+    found = _with_rival(nothing, nothing, selection)
+    assert (found is not None) is taken
+    assert found is None or [valued.effect.name for valued in found.effects] == ["stribeck"]
 
 
 @pytest.mark.parametrize(("rival", "steps"), [(math.inf, 4), (80.0, 4), (20.0, 2), (-1000.0, 1)])

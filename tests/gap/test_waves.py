@@ -93,6 +93,33 @@ def test_another_friction_alone_has_no_ripple(tmp_path: Path) -> None:
     assert not {"cogging", "cogging_map"} & set(_named(_answer(tmp_path, "")))
 
 
+SCREW = """\
+  law: rolling                     # 12 equal stop operators; a full reversal is 95 % done in 15 um
+  coulomb: 1.0 N m
+  elements: 12
+  shortest: 0.3 um
+  longest: 9 um
+"""
+RUBBING = """\
+  law: lugre
+  coulomb: 1.1 N m
+  range: 12 um
+  damping: 0.1 N m s/rad
+  stribeck: {rise: 0.3, velocity: 0.4 rad/s}
+"""
+
+
+def test_a_ripple_of_what_the_current_gives_is_named_by_its_line(tmp_path: Path) -> None:
+    """Next to an unknown Stribeck friction it is too little for the evidence of all that is missing."""
+    ripples = "\n  ripple: {amplitude: 0.012, order: 24, phase: 60 deg}"
+    text = (CONFIG / "ball-screw.yaml").read_text().replace("N m/A", f"N m/A{ripples}").replace(SCREW, RUBBING)
+    named = _named(_of_machine(tmp_path, "ball-screw", text, "rad", 40))
+    ripple = named["current_ripple"]
+    assert ripple.probability > 0.9 and ripple.parameters["order"].value == 24.0
+    assert dict(ripple.fields)["motor.ripple.amplitude"] == pytest.approx(0.012, rel=0.2)
+    assert not {"ball_pass_ripple", "cogging", "cogging_map"} & set(named)
+
+
 @pytest.mark.parametrize(
     ("cogging", "encoder", "expected"), [(300.0, 200.0, waves.ENCODER), (200.0, 300.0, waves.SINGLE)]
 )
@@ -110,7 +137,7 @@ def test_an_encoder_that_is_off_centre_is_told_from_a_cogging_by_the_fit(
     def refined(_: Any, __: Any, kept: Any) -> Any:
         return SimpleNamespace(effects=tuple(kept), residual_sum_of_squares=left[kept[-1].effect.name])
 
-    def lines(_: Any, now: Any) -> Lines:
+    def lines(_: Any, now: Any, __: str) -> Lines:
         high = 1.0 if now.effects else 1000.0
         return Lines(np.array([0.5, 1.0, 1.5]), np.array([1.0, high, 1.0]), np.array([1.0, high, 1.0]), 0.2)
 

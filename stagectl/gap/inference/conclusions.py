@@ -56,11 +56,11 @@ def conclude(
     richest = with_shape(e, sure.fitted, shape) if shape is not None and shape.fields else now
     explained = [effect.name for effect in effects if effect.probability >= NAMED]
     seen = signatures(session, e, richest, (*excluded, *explained))
-    once = {*excluded, *(signature.name for signature in seen)}  # what is both fitted and seen counts once
+    once = {*excluded, *(signature.name for signature in seen.found)}  # what is both fitted and seen counts once
     return Conclusions(
-        tuple(effect for effect in effects if effect.name not in once),
+        tuple(verdict.without_jitter(effect, seen.most_jitter) for effect in effects if effect.name not in once),
         tuple(shift for shift in shifted_parameters.shifted(session, shifts, now) if shift.name not in excluded),
-        tuple(seen),
+        seen.found,
         shape,
         tuple(fitted.equipped.stage for fitted in (richest, now)),
     )

@@ -25,10 +25,13 @@ from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import FoundEffect, Value
 from stagectl.gap.selection.baseline_fit import is_measured
+from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.stage import Drive, Stage
 from stagectl.parallel import in_parallel
 from stagectl.recording.true_rows import stretches
+
+DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects that are one, and its name among their values
 
 
 class MissingCurrent(NamedTuple):
@@ -39,14 +42,37 @@ class MissingCurrent(NamedTuple):
     answer: Array  # A/s, of the model's current to a longer dead time
 
 
-def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> list[FoundEffect]:
+class Jitter(NamedTuple):
+    """What repeats say of a jitter of the delay."""
+
+    rms: float  # s
+    most: float  # s, upper end of the 95 % interval of `rms`
+    sigma: float  # standard deviations by which its square is above none
+    share: float  # of the variance of the current
+
+
+class Signatures(NamedTuple):
+    """What single commands show."""
+
+    found: tuple[FoundEffect, ...]
+    most_jitter: float  # s, that the delay may have; inf where that is not known
+
+
+def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> Signatures:
     """The drive's effects on single commands; none where no current is measured along with the command."""
-    candidates = [_saturated(session)]
+    candidates, most = [_saturated(session)], math.inf
     if is_measured(e.runs) and all(log.exact for run in e.runs for log in run.logs):
         runs = missing_currents(now.equipped, e)
         logs = [log for run in runs for log in run]
-        candidates += [quantised(session.stage.drive, logs), jittered(runs)]
-    return [signature for signature in candidates if signature and signature.name not in excluded]
+        jitter = jitter_of(runs)
+        candidates += [quantised(session.stage.drive, logs), jittered(jitter, delays_of(now.effects))]
+        most = math.inf if jitter is None else jitter.most
+    return Signatures(tuple(each for each in candidates if each and each.name not in excluded), most)
+
+
+def delays_of(effects: Sequence[EffectValues]) -> list[float]:
+    """The delays and lags (s) among `effects`."""
+    return [valued.values[DELAYS[valued.effect.name]] for valued in effects if valued.effect.name in DELAYS]
 
 
 def put_in(p: Stage, found: Sequence[FoundEffect]) -> Stage:
@@ -149,7 +175,21 @@ def _stands_out(power: Array, best: int) -> bool:
     return not power[best] < thresholds.LINE_POWER * max(1.0, neighbours)
 
 
-def jittered(runs: list[list[MissingCurrent]]) -> FoundEffect | None:
+def jittered(found: Jitter | None, delays: Sequence[float] = ()) -> FoundEffect | None:
+    """The jitter that was `found`, where it is sure.
+
+    Next to a delay or lag (of `delays`, s) no longer than its mean would be, less is enough: it is the cause of both.
+    """
+    if found is None:
+        return None
+    twice = any(delay <= thresholds.DELAY_PER_JITTER * found.rms for delay in delays)
+    least = thresholds.JITTER_SIGMA_OF_DELAY if twice else thresholds.JITTER_SIGMA
+    if found.sigma < least or found.share < thresholds.JITTER_SHARE:
+        return None
+    return _signature("jitter", "rms", Value.around(found.rms, 0.5 * NORMAL * found.rms / found.sigma, "s"))
+
+
+def jitter_of(runs: list[list[MissingCurrent]]) -> Jitter | None:
     """A random part of the delay: differences between repeats grow with the current's answer to a delay.
 
     ``var = noise^2 + jitter^2 answer^2``, the answer in A/s, least squares over all rows.  None without repeats: an
@@ -167,13 +207,13 @@ def jittered(runs: list[list[MissingCurrent]]) -> FoundEffect | None:
         return None
     slope = float(spread @ y) / total
     rest = y - y.mean() - slope * spread
-    deviation = math.sqrt(float((spread * rest) @ (spread * rest))) / total
-    if slope < thresholds.JITTER_SIGMA * deviation or slope * float(x.mean()) < thresholds.JITTER_SHARE * float(
-        y.mean()
-    ):
-        return None
-    size, width = math.sqrt(slope), 0.5 * deviation / math.sqrt(slope)
-    return _signature("jitter", "rms", Value.around(size, NORMAL * width, "s"))
+    deviation = max(math.sqrt(float((spread * rest) @ (spread * rest))) / total, 1e-300)
+    return Jitter(
+        math.sqrt(max(slope, 0.0)),
+        math.sqrt(max(slope + NORMAL * deviation, 0.0)),
+        slope / deviation,
+        slope * float(x.mean()) / max(float(y.mean()), 1e-300),
+    )
 
 
 def _deviations(run: list[MissingCurrent]) -> list[Array]:

@@ -6,6 +6,7 @@ from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Data, units_of
 from stagectl.gap.inference import amplitudes, cable_centre, thresholds
 from stagectl.gap.inference.patch_fields import fields_of
+from stagectl.gap.inference.signatures import DELAYS
 from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
@@ -20,7 +21,6 @@ from stagectl.kernels.stage import Stage
 from stagectl.units import unit_on
 
 _REACHED = 1e-9  # depth of a limit that is just reached: of none the effect is neutral
-DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects that are one, and its name among their values
 
 
 def named_effects(session: Session, e: Evidence, selected: Selection, known: Sequence[Errors]) -> list[FoundEffect]:
@@ -51,6 +51,13 @@ def only_named(e: Evidence, selected: Selection) -> Selection:
 def taken_out(e: Evidence, selected: Selection, name: str) -> Selection:
     """`selected` without the effect `name`, fitted anew."""
     return selected._replace(fitted=refitted_without(e, selected.fitted, {name}))
+
+
+def without_jitter(effect: FoundEffect, most: float) -> FoundEffect:
+    """`effect` without the alternative of a jitter, where its mean delay is longer than that of `most` (s, rms)."""
+    if effect.name not in DELAYS or effect.parameters[DELAYS[effect.name]].value <= thresholds.DELAY_PER_JITTER * most:
+        return effect
+    return effect._replace(alternatives=tuple(name for name in effect.alternatives if name != "jitter"))
 
 
 def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[FoundEffect]) -> list[FoundEffect]:
@@ -145,12 +152,13 @@ def with_limit(values: dict[str, Value], fitted: EffectValues, before: Stage) ->
 
 
 def _in_order(values: dict[str, Value], session: Session) -> dict[str, Value]:
-    """The values, what tells most first: the gap of a backlash, the period of a map.
+    """The values, what tells most first: the gap of a backlash, the size of an offset, the period of a map.
 
     An order needs the pitch: one that was fitted is also given as a period.
     """
-    if "gap" in values:
-        return {"gap": values["gap"], **values}
+    for first in ("gap", "current"):
+        if first in values:
+            return {first: values[first], **values}
     order, pitch, of_map = values.get("order"), session.stage.mechanics.pitch, next(iter(values), "") == "order"
     if order is None or not (of_map or order.low < order.high):
         return values

@@ -40,8 +40,18 @@ class Lines(NamedTuple):
     apart: float  # orders that the travel tells apart
 
     def highest(self) -> float:
-        """The order of the highest line, between two of `orders`; a whole one where the travel does not part them."""
-        k, off = int(np.argmax(self.height)), 0.0
+        """The order of the highest line."""
+        return self._order(int(np.argmax(self.height)))
+
+    def strongest(self, least: float) -> float | None:
+        """The order of the line with most power of those that are `least` high, apart from the lead's; None without."""
+        lead = np.abs(self.orders[:, None] - (1.0, *thresholds.LEAD_ORDERS)).min(axis=1) <= self.apart
+        high = np.where((self.height >= least) & ~lead, self.power, 0.0)
+        return self._order(int(np.argmax(high))) if high.any() else None
+
+    def _order(self, k: int) -> float:
+        """The order of line `k`, between two of `orders`; a whole one where the travel does not part them."""
+        off = 0.0
         if 0 < k < len(self.orders) - 1:
             before, at, after = np.log(self.power[k - 1 : k + 2])
             bend = before - 2.0 * at + after
@@ -101,8 +111,11 @@ def _of_no_pitch(p: TrackedModel, runs: Sequence[Run], pitch: float) -> dict[str
     return {"cogging": peaks(found.orders, found.height, found.apart)}
 
 
-def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
-    """The spectrum of what `p` lacks over the position of the longest `runs`, from a quarter of their travel down."""
+def lines(p: TrackedModel, runs: Sequence[Run], pitch: float, by_current: bool = False) -> Lines:
+    """The spectrum of what `p` lacks over the position of the longest `runs`, from a quarter of their travel down.
+
+    `by_current`: of its product with the current, in which a ripple of what the current gives is a line.
+    """
 
     def effort(run: Run) -> Array:
         return untracked(model_residual(p, run.mean).effort, p, run.mean.dt)[:: thresholds.KEPT]
@@ -112,7 +125,8 @@ def lines(p: TrackedModel, runs: Sequence[Run], pitch: float) -> Lines:
     samples = _samples(runs, travel, p.stage.encoder.delay_samples, effort)
     most = _resolved(runs, turn, thresholds.STEPS)
     grid = np.arange(thresholds.STEPS_PER_TRAVEL * thresholds.FEWEST_PERIODS, most + 1)
-    spectrum = power(samples.effort[None], samples.position / turn, most)[0][grid - 1]
+    signal = samples.effort * samples.current if by_current else samples.effort
+    spectrum = power(signal[None], samples.position / turn, most)[0][grid - 1]
     # The stroke itself has a spectrum that falls with the order: a line must stand out of its surroundings.
     # At the lowest order these lie to one side: mirrored, as copies of the end would be those of a line there.
     around = np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="reflect"), 1e-300)

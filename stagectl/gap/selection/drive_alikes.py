@@ -35,12 +35,18 @@ def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
 
 
 def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:
-    """`now` with that of two scales of the current which leaves the base nearer to its nominal values.
+    """`now` with that of two scales, and of two offsets, of the current which leaves the base nearer to its nominal.
 
-    They explain the same.  The other one needs inertia and all friction off by the same factor.
+    They explain the same.  The other scale needs inertia and all friction off by the same factor, the other offset a
+    constant force against the current that it gives.
     """
-    scaled = [name for name in ("inertia", "viscous") if name in refine.nuisances(e)]  # known best: friction has a form
-    return min([now, *other_scales(e, library, now)], key=lambda fitted: e.base.prior.cost(fitted.model, scaled))
+
+    def nearer(others: Sequence[Fitted], *names: str) -> Fitted:
+        known = [name for name in names if name in refine.nuisances(e)]
+        return min([now, *others], key=lambda fitted: e.base.prior.cost(fitted.model, known))
+
+    now = nearer(other_scales(e, library, now), "inertia", "viscous")  # known best: friction has a form
+    return nearer(_other_offsets(e, now), "bias")
 
 
 def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
@@ -54,6 +60,16 @@ def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
     tried = [refine.refine(e, e.base.model, [*rest, side]) for side in sides]
     most = now.residual_sum_of_squares * (1.0 + AS_CLOSE)
     return [fitted for fitted in tried if fitted.residual_sum_of_squares <= most]
+
+
+def _other_offsets(e: Evidence, now: Fitted) -> list[Fitted]:
+    """`now` with its offset of the current where it is only reported, or the other way; none where it has none."""
+    offset = next((valued for valued in now.effects if valued.effect.name == constants.OFFSET), None)
+    if offset is None:
+        return []
+    other = EffectValues(offset.effect, {**offset.values, "reported": 1.0 - offset.values["reported"]})
+    tried = refine.refine(e, e.base.model, [other if valued is offset else valued for valued in now.effects])
+    return [tried] if tried.residual_sum_of_squares <= now.residual_sum_of_squares * (1.0 + AS_CLOSE) else []
 
 
 def _opposed(scale: EffectValues, form: Form) -> list[float]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from stagectl.gap.selection import constants, drive_alikes, linearised, resonance_alikes, waves
+from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
 from stagectl.gap.selection.material import is_material, refitted_without, without
@@ -51,9 +51,28 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         _enter(selection, at, valued.effect.name, most)
         _enter_alikes(selection, _alikes(e, library, now, valued), valued.effect.name)
     weak = max(empty, key=empty.__getitem__, default="")
-    if not weak or empty[weak] <= 1.0 - constants.KEPT:
+    if weak and empty[weak] > 1.0 - constants.KEPT:
+        return dropped(e, library, now, weak, say)
+    closer = _with_rival(e, library, selection)
+    if closer is None:
         return selection
-    return dropped(e, library, now, weak, say)
+    say(f"{closer.effects[-1].effect.name} explains more than what stood in its place")
+    return established(e, library, closer, say)
+
+
+def _with_rival(e: Evidence, library: Library, selection: Selection) -> Fitted | None:
+    """The fit with a rival in the place of an effect, where it leaves less by more than chance; None where none does.
+
+    Rivals are comparable around the model.  How much each explains its own fit tells.
+    """
+    now, least = selection.fitted, sum(selection.left) - linearised.strokes(e)
+    for valued in now.effects:
+        rest = [other for other in now.effects if other is not valued]
+        for rival in selection.rivals.get(valued.effect.name, {}).values():
+            fitted = refine.refine(e, now.model, [*rest, rival])
+            if sum(linearised.excess(e, library, fitted)) < least:
+                return fitted
+    return None
 
 
 def _in_the_place_of(
@@ -81,8 +100,13 @@ def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> 
 
 def is_trace(valued: EffectValues) -> bool:
     """Whether an effect is no larger than what every machine has of it; one whose column bends has no trace."""
+    return not valued.effect.nonlinear and vanishes(valued)
+
+
+def vanishes(valued: EffectValues) -> bool:
+    """Whether an effect is so small that the machine might as well be without it."""
     sizes = [valued.values[a.name] / a.typical[0] for a in valued.effect.amplitudes]
-    return not valued.effect.nonlinear and math.hypot(*sizes) < constants.IMMATERIAL
+    return math.hypot(*sizes) < constants.IMMATERIAL
 
 
 def _enter(selection: Selection, at: Linearised, name: str, most: float) -> None:

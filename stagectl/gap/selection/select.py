@@ -19,7 +19,7 @@ from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues
-from stagectl.gap.selection.established import Say, Selection, established
+from stagectl.gap.selection.established import Say, Selection, established, vanishes
 from stagectl.gap.selection.linearised import Cuts, Library, Linearised
 from stagectl.gap.selection.material import adequate, at_bound, explains, nearly_all, refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -188,7 +188,8 @@ def _most_probable(e: Evidence, library: Library, now: Fitted, after: Fitted) ->
 def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequence[EffectValues]) -> Fitted | None:
     """`now` with further effects, refined by simulation; None where there are none or they do not fit.
 
-    In the place of those of `added` whose columns bend stands the one of `starts` that explains most.
+    In the place of those of `added` whose columns bend stands the one of `starts` that explains most.  One whose size
+    vanishes on the way is none: a gap of nothing behind a spring is a spring, and stands among them as such.
     """
     if not added:
         return None
@@ -198,7 +199,8 @@ def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequ
     for start in bent:
         effects, rival = joined(now.effects, [*straight, *start]), best.residual_sum_of_squares
         grown = refine.refine(e, now.model, effects, rival=rival)
-        best = grown if grown.residual_sum_of_squares < rival else best
+        better = grown.residual_sum_of_squares < rival and not (start and vanishes(grown.effects[-1]))
+        best = grown if better else best
     return None if best is now else best
 
 

@@ -13,7 +13,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import pitch_orders
 from stagectl.gap.residuals.pitch_orders import Lines
 from stagectl.gap.selection import constants, refine
-from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.candidates import EffectValues, of_the_motor
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.material import without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -37,14 +37,18 @@ class _Comb(NamedTuple):
 
 
 def with_wave(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
-    """`now` with the wave at the highest line in what it lacks, or with the other harmonics of the wave that it has.
+    """`now` with a force or a ripple at the highest line in what it lacks, or with more harmonics of the force it has.
 
     None where no line is high enough, or stays when it is fitted.
     """
+    return _with_force(e, library, now) or _with_ripple(e, library, now)
+
+
+def _with_force(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     waves = [valued for valued in now.effects if valued.effect.name in (SINGLE, MAP)]
     if any(valued.effect.name == MAP for valued in waves):
         return None
-    found = _lines(e, now)
+    found = _lines(e, now, SINGLE)
     line = waves[0].values["order"] if waves else found.highest()
     comb = _comb(found, line)
     if not (comb.multiples if waves else _stands_out(found, line)):
@@ -53,11 +57,43 @@ def with_wave(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     present = {valued.effect.name for valued in rest}
     fresh = _encoder(library, comb, found.apart) if not waves else []
     fresh = [*fresh, *_wave_of(library, comb, waves)]
-    fits = [refine.refine(e, now.model, [*rest, each]) for each in fresh if each.effect.name not in present]
+    effects = [[*rest, each] for each in fresh if each.effect.name not in present]
+    return _that_explains(e, now, effects, found, [each * comb.order for each in (1, *comb.multiples)])
+
+
+def _with_ripple(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
+    """`now` with a ripple of the motor, whose orders are whole ones, or of the balls at its strongest line.
+
+    A further line of the motor is one of its own harmonics, and no ball pass.
+    """
+    present = {valued.effect.name for valued in now.effects}
+    forms = [form for form in library.forms if form.effect.name in {*constants.RIPPLES} - present]
+    if not forms:
+        return None
+    found = _lines(e, now, constants.RIPPLES[0])
+    line = found.strongest(constants.LINE)
+    if line is None:
+        return None
+    fresh = {
+        form.effect.name: EffectValues(form.effect, {**form.values(form.typical), "order": line}) for form in forms
+    }
+    possible = (
+        each
+        for name, each in fresh.items()
+        if (line.is_integer() or name != constants.RIPPLES[0]) and not of_the_motor(each, now.effects)
+    )
+    return _that_explains(e, now, [[*now.effects, each] for each in possible], found, [line])
+
+
+def _that_explains(
+    e: Evidence, now: Fitted, tried: Sequence[Sequence[EffectValues]], found: Lines, orders: Sequence[float]
+) -> Fitted | None:
+    """The best fit of the effects `tried`; None where it is no better than `now`, or the lines `orders` are left."""
+    fits = [refine.refine(e, now.model, effects) for effects in tried]
     after = min(fits, key=lambda fitted: fitted.residual_sum_of_squares, default=now)
     if not after.residual_sum_of_squares < now.residual_sum_of_squares:
         return None
-    return after if _gone(found, _lines(e, after), [each * comb.order for each in (1, *comb.multiples)]) else None
+    return after if _gone(found, _lines(e, after, after.effects[-1].effect.name), orders) else None
 
 
 def _comb(found: Lines, line: float) -> _Comb:
@@ -109,7 +145,8 @@ def stands(e: Evidence, now: Fitted, valued: EffectValues) -> bool:
     """Whether the effect `valued` of `now` is a wave whose line stands out without it, and is gone with it."""
     found = wave(e, now, valued)
     orders = [order for order, _ in _harmonics(valued)] if found else []
-    return found is not None and _gone(_lines(e, found.rest), _lines(e, now), orders)
+    name = valued.effect.name
+    return found is not None and _gone(_lines(e, found.rest, name), _lines(e, now, name), orders)
 
 
 def wave(e: Evidence, now: Fitted, valued: EffectValues) -> Wave | None:
@@ -117,7 +154,7 @@ def wave(e: Evidence, now: Fitted, valued: EffectValues) -> Wave | None:
 
     The power of noise is distributed exponentially: half of it lies below its median.
     """
-    if valued.effect.name not in constants.WAVES:
+    if valued.effect.name not in (*constants.WAVES, *constants.RIPPLES):
         return None
     height, count = max(_line_without(e, now, valued, *harmonic) for harmonic in _harmonics(valued))
     if height < constants.LINE:
@@ -143,12 +180,13 @@ def _line_without(
     """
     less = EffectValues(valued.effect, {**valued.values, **dict.fromkeys(harmonic, 0.0)})
     rest = now._replace(effects=tuple(less if other is valued else other for other in now.effects))
-    found = _lines(e, rest)
+    found = _lines(e, rest, valued.effect.name)
     return _height(found, order), len(found.orders)
 
 
-def _lines(e: Evidence, now: Fitted) -> Lines:
-    return pitch_orders.lines(now.equipped, e.runs, now.model.stage.mechanics.pitch)
+def _lines(e: Evidence, now: Fitted, name: str) -> Lines:
+    """The lines that `now` lacks, in the signal in which the effect `name` makes one."""
+    return pitch_orders.lines(now.equipped, e.runs, now.model.stage.mechanics.pitch, name in constants.RIPPLES)
 
 
 def _stands_out(found: Lines, order: float) -> bool:

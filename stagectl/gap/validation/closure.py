@@ -43,13 +43,16 @@ class Closure(NamedTuple):
     open: bool = False  # whether the closed loop shows that something is missing
 
 
-def closure(session: Session, e: Evidence, selected: Selection, improved: Stage) -> Closure:
+def closure(
+    session: Session, e: Evidence, selected: Selection, improved: Stage, judged: Fitted | None = None
+) -> Closure:
     """Of the held-out runs, or of all where none is: in closed loop where it is known, else along the path.
 
     Where none is held out, what is left is judged on blocks that did not choose the values, one after the other.  The
-    nominal model, which stays where nothing comes closer, has no values that were fitted.
+    nominal model, which stays where nothing comes closer, has no values that were fitted.  `judged`: the fit with the
+    parameters that the loop is judged with, where these are not those that were selected.
     """
-    found = _closure_of(session, e, selected, improved)
+    found = _closure_of(session, e, selected._replace(fitted=judged or selected.fitted), improved)
     if improved is session.stage or any(log.held_out for log in session.logs):
         return found
     return found._replace(gap=held_out_gap.worse(found.gap, optimism(e, selected.fitted)))
@@ -73,7 +76,7 @@ def in_closed_loop(session: Session, selected: Selection, improved: Stage, logs:
         return held_out_gap.remaining(judged, rollouts.simulated_logs(session, model.stage, logs))
 
     shares, refuted = _worth(session, selected, improved, remaining, position)
-    traces = held_out_gap.traces([item.log for item in judged], before, after, position.floor, session.dt)
+    traces = held_out_gap.traces(judged, before, after, position.floor, session.dt)
     measured = gaps if session.logs[0].current is not None else {}
     return Closure(position, measured, shares, traces, refuted, stays_open(position, logs))
 

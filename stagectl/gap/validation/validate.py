@@ -10,9 +10,11 @@ from stagectl.gap.inference.beside_unknown import stands
 from stagectl.gap.inference.conclusions import Conclusions
 from stagectl.gap.inference.signatures import put_in
 from stagectl.gap.logs.session import Log, Session
+from stagectl.gap.residuals import sensitivities
 from stagectl.gap.result.diagnosis import NAMED, FoundEffect
+from stagectl.gap.selection import refine
 from stagectl.gap.selection.established import Selection
-from stagectl.gap.selection.refine import Evidence
+from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.closure import Closure, closure, effort, rubbing, slides
 from stagectl.gap.validation.thresholds import NEARLY_CLOSEST
@@ -42,14 +44,27 @@ def validate(session: Session, e: Evidence, selected: Selection, conclusions: Co
 
     Where the gap of these is wider with it, none is applied.
     """
-    best = _best_model(session, e, [*_models(session, conclusions), session.stage])
+    alone = _effects_alone(session, e, selected, conclusions)
+    first = [fitted.equipped.stage for fitted in alone]
+    best = _best_model(session, e, [*first, *_models(session, conclusions), session.stage])
+    judged = next((fitted for fitted, stage in zip(alone, first, strict=True) if stage is best), None)
     improved = put_in(best, conclusions.signatures)
-    found = closure(session, e, selected, improved)
+    found = closure(session, e, selected, improved, judged)
     if found.gap.after > found.gap.before:
         best = improved = session.stage
         found = closure(session, e, selected, improved)
     lines = [*warnings(session, e, best), *scale_doubt(session.stage, improved, conclusions.shifts)]
     return Validation(improved, found, tuple(lines))
+
+
+def _effects_alone(session: Session, e: Evidence, selected: Selection, conclusions: Conclusions) -> list[Fitted]:
+    """The effects on the nominal values, where none of these is said to be off: what is not named is not moved.
+
+    The fit moves all of them, within their doubt.  Where the truth was the nominal value, that may lead the loop away.
+    """
+    if not selected.fitted.effects or any(shift.probability >= NAMED for shift in conclusions.shifts):
+        return []
+    return [refine.at_values(e, sensitivities.model_of(session.stage, session.dt), selected.fitted.effects)]
 
 
 def _models(session: Session, conclusions: Conclusions) -> list[Stage]:
@@ -68,12 +83,13 @@ def _models(session: Session, conclusions: Conclusions) -> list[Stage]:
     return [p for pair in pairs for p in pair]
 
 
-def confirmed(effect: FoundEffect, found: Closure, spared: Collection[str]) -> FoundEffect:
-    """`effect` as the loop confirms it: one that takes nothing of a gap that stays open is not what is missing.
+def confirmed(effect: FoundEffect, unexplained: bool, spared: Collection[str]) -> FoundEffect:
+    """`effect` as the loop confirms it: where something is `unexplained`, one that takes nothing of the gap is not it.
 
-    Of those that are `spared` the loop says little: see `closure.unjudged`.
+    Fitted next to a cause without a name, an effect or a parameter takes on a part of that.  Of those that are `spared`
+    the loop says little: see `closure.unjudged`.
     """
-    if not found.open or effect.share > 0.0 or effect.name in spared:
+    if not unexplained or effect.share > 0.0 or effect.name in spared:
         return effect
     return effect._replace(probability=min(effect.probability, stands(0.0, 1.0)))
 

@@ -59,15 +59,27 @@ def _jittering(size: float) -> list[list[MissingCurrent]]:
 
 
 def test_jitter_is_what_grows_with_the_slope_of_the_current() -> None:
-    signature = signatures.jittered(_jittering(5e-5))
+    signature = signatures.jittered(signatures.jitter_of(_jittering(5e-5)))
     assert signature is not None and signature.fields == (("drive.jitter", pytest.approx(5e-5, rel=0.05)),)
-    assert signatures.jittered(_jittering(0.0)) is None
+    steady = signatures.jitter_of(_jittering(0.0))
+    assert steady is not None and signatures.jittered(steady) is None
+    assert steady.most < 1e-5
 
 
 def test_an_error_of_the_mean_delay_is_no_jitter() -> None:
     late = [[log._replace(current=log.current + 2e-4 * log.answer) for log in run] for run in _jittering(0.0)]
-    assert signatures.jittered(late) is None
+    assert signatures.jittered(signatures.jitter_of(late)) is None
+
+
+@pytest.mark.parametrize(
+    ("sigma", "delays", "named"),
+    [(9.0, (), True), (6.0, (), False), (6.0, (1e-4,), True), (6.0, (1e-3,), False), (3.0, (1e-4,), False)],
+)
+def test_next_to_a_short_delay_a_jitter_needs_less(sigma: float, delays: tuple[float, ...], named: bool) -> None:
+    """Its mean is the delay: one cause of both."""
+    found = signatures.Jitter(6e-5, 7e-5, sigma, 0.04)
+    assert (signatures.jittered(found, delays) is not None) is named
 
 
 def test_jitter_needs_repeats() -> None:
-    assert signatures.jittered([run[:1] for run in _jittering(5e-5)]) is None
+    assert signatures.jitter_of([run[:1] for run in _jittering(5e-5)]) is None

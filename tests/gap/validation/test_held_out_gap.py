@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stagectl.gap.logs.session import Log
-from stagectl.gap.validation import held_out_gap
+from stagectl.config.stage_file import load_stage
+from stagectl.gap.logs.session import Log, Session
+from stagectl.gap.residuals import friction_family
+from stagectl.gap.validation import held_out_gap, rollouts
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.kernels import rollout
+from tests.conftest import CONFIG
+from tests.gap.drawn import drawn
 
 STROKES = [slice(0, 4), slice(4, 8)]
 ZERO = np.zeros((8, rollout.WIDTH))
@@ -116,20 +120,64 @@ def test_the_interval_of_the_closure_widens_with_the_scatter_of_the_half_strokes
 
 def test_a_trace_is_of_the_first_repeat_of_each_run() -> None:
     logs = [log(np.ones(8), "a"), log(np.zeros(8), "b"), log(np.ones(8), "c", "stairs")]
-    traces = held_out_gap.traces(logs, [ZERO] * 3, [ZERO] * 3, 0.1, 1e-3)
+    traces = held_out_gap.traces([JudgedLog(each, STROKES) for each in logs], [ZERO] * 3, [ZERO] * 3, 0.1, 1e-3)
     assert [trace.file for trace in traces] == ["a", "c"]
     assert traces[0].before.tolist() == [-1.0] * 8 and traces[0].time[-1] == pytest.approx(7e-3)
 
 
-def test_the_friction_of_an_earlier_motion_does_not_count() -> None:
-    from stagectl.config.stage_file import load_stage
-    from stagectl.gap.logs.session import Session
-    from stagectl.gap.residuals import friction_family
-    from tests.conftest import CONFIG
+def session_of(dt: float = 1e-3) -> Session:
+    stage = load_stage(CONFIG / "ball-screw.yaml")
+    law = stage.controller.law
+    return Session(Path(), "rotary", 1.0, "m", dt, stage.stage, law, ())
 
-    stage = load_stage(CONFIG / "ball-screw.yaml").stage
-    zone = friction_family.length(stage.friction)
-    session = Session(Path(), "rotary", 1.0, "m", 1e-3, stage, None, ())
+
+def test_the_friction_of_an_earlier_motion_does_not_count() -> None:
+    session = session_of()._replace(law=None)
+    zone = friction_family.length(session.stage.friction)
     (item,) = held_out_gap.judged_logs(session, [log(np.linspace(0.0, 30.0 * zone, 301))])
     assert not item.log.valid[:30].any() and item.log.valid[32:].all()
     assert item.strokes[0].start == 0 and item.strokes[-1].stop == 301
+
+
+def test_a_start_after_a_rest_is_not_judged_until_the_loop_has_settled() -> None:
+    """From the end of the rest: three zones of travel, and the time in which a 40 Hz loop forgets."""
+    session = session_of()
+    zone = friction_family.length(session.stage.friction)
+    stroke = np.linspace(0.0, 60.0 * zone, 601)
+    resting = np.concatenate([stroke, np.full(400, stroke[-1]), stroke[-1] + stroke])
+    (item,) = held_out_gap.judged_logs(session, [log(resting)._replace(reference=resting)])
+    ((begin, end),) = item.rests
+    hidden = np.flatnonzero(~item.log.valid[begin:]) + begin
+    assert begin == pytest.approx(600, abs=12) and end == pytest.approx(1000, abs=12)
+    assert hidden[0] == end and 1030 + 30 <= hidden[-1] <= 1030 + 100 and len(hidden) == hidden[-1] - end + 1
+
+
+def test_a_log_of_steps_within_the_rolling_zone_is_judged_whole() -> None:
+    session = session_of()
+    zone = friction_family.length(session.stage.friction)
+    steps = np.repeat(zone * np.arange(12.0), 300)
+    (item,) = held_out_gap.judged_logs(session, [log(steps)._replace(reference=steps)])
+    assert len(item.rests) > 5 and item.log.valid.all()
+
+
+def test_creep_at_rest_is_no_gap_and_ringing_is() -> None:
+    time = 1e-3 * np.arange(500.0)
+    creep, ringing = 1e-6 * (time + time**2), 1e-6 * np.sin(2.0 * np.pi * 60.0 * time)
+    zero = np.zeros((500, rollout.WIDTH))
+    for signal, left in ((creep, 0.0), (ringing, 0.5e-12)):
+        item = JudgedLog(log(signal), [slice(0, 500)], ((0, 500),))
+        sums = held_out_gap.squares([item], [zero], "position")
+        assert sums.squares.sum() / 500.0 == pytest.approx(left, rel=0.05, abs=1e-20)
+
+
+@pytest.mark.parametrize("seed", [601, 602, 603])
+def test_the_loop_of_a_machine_as_its_model_meets_its_noise(tmp_path: Path, seed: int) -> None:
+    """The machine of the exam, whose friction creeps at rest: with its starts the gap is 3 to 4 times the floor."""
+    session = drawn(tmp_path, seed, stratum="null-exact")
+    held = [each for each in session.logs if each.held_out]
+    items = held_out_gap.judged_logs(session, held)
+    rows = rollouts.simulated_logs(session, session.stage, held)
+    found, least = (of(items, rows, "position") for of in (held_out_gap.squares, held_out_gap.floor))
+    gap = held_out_gap.gap(found, found, least, "rad")
+    assert 0.8 * gap.floor < gap.before < 1.3 * gap.floor
+    assert sum(item.log.valid.sum() for item in items) > 0.75 * sum(each.valid.sum() for each in held)

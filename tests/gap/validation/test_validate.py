@@ -10,6 +10,7 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.result.diagnosis import FoundEffect
+from stagectl.gap.selection import refine
 from stagectl.gap.validation import closure, held_out_gap, rollouts, validate
 from stagectl.kernels.stage import scaled_friction, sliding, stretched_friction
 
@@ -70,7 +71,24 @@ def test_a_fitted_curve_of_the_friction_has_to_bring_the_loop_closer(
 
 
 @pytest.mark.parametrize(
-    ("stays_open", "share", "beside", "named"),
+    ("effects", "probability", "alone"),
+    [(("cable_spring",), 0.2, True), (("cable_spring",), 0.9, False), ((), 0.2, False)],
+)
+def test_what_is_not_named_is_not_moved(
+    monkeypatch: pytest.MonkeyPatch, ball_screw: Setup, effects: tuple[str, ...], probability: float, alone: bool
+) -> None:
+    """On a machine of the exam whose nominal values are exact, the fit moved them: 24 urad where the effect left 5."""
+    monkeypatch.setattr(refine, "at_values", lambda e, model, effects: (model.stage, effects))
+    session: Any = SimpleNamespace(stage=ball_screw.stage, dt=5e-4)
+    selected: Any = SimpleNamespace(fitted=SimpleNamespace(effects=effects))
+    said: Any = SimpleNamespace(shifts=[SimpleNamespace(name="inertia", probability=probability)])
+    nothing: Any = None
+    found = validate._effects_alone(session, nothing, selected, said)
+    assert found == ([(ball_screw.stage, effects)] if alone else [])
+
+
+@pytest.mark.parametrize(
+    ("unexplained", "share", "beside", "named"),
     [
         (True, 0.0, False, False),
         (True, 0.3, False, True),
@@ -78,10 +96,9 @@ def test_a_fitted_curve_of_the_friction_has_to_bring_the_loop_closer(
         (True, 0.0, True, True),  # the gap is that of the function next to it
     ],
 )
-def test_what_takes_nothing_of_a_gap_that_stays_open_is_not_what_is_missing(
-    stays_open: bool, share: float, beside: bool, named: bool
+def test_what_takes_nothing_of_a_gap_that_is_not_explained_is_not_what_is_missing(
+    unexplained: bool, share: float, beside: bool, named: bool
 ) -> None:
     effect = FoundEffect("current_saturation", (), 1.0, share, {}, block="drive")
-    found: Any = SimpleNamespace(open=stays_open)
     others = {effect.name} if beside else set()
-    assert (validate.confirmed(effect, found, others).probability > 0.5) is named
+    assert (validate.confirmed(effect, unexplained, others).probability > 0.5) is named

@@ -1,0 +1,95 @@
+"""Parameters that an effect changes along the stroke or over the session.
+
+The fit has one value of such a parameter: at the middle of the travel, on a warm machine, before a step.  The nominal
+value may be one that the machine has elsewhere, such as the mean, or will have when a drift goes on: no log shows where
+it ends, and a machine has more than one time constant.  Then the parameter is not off.  The effect says all, and its
+patch holds the value from which it counts.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap.effects.effect import MECHANICS
+from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.result.diagnosis import NAMED, PARAMETERS, FoundEffect, Part
+from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.refine import Fitted
+
+Swept = dict[str, dict[str, tuple[float, float]]]  # of each effect: its parameters, and the factors that these have
+
+
+def swept(session: Session, now: Fitted) -> Swept:
+    """The parameters that each effect of `now` changes, with the smallest and largest factor of each in the logs."""
+    found = {valued.effect.name: _factors(session, now, valued) for valued in now.effects}
+    return {
+        name: {parameter: (float(factor.min()), float(factor.max())) for parameter, factor in factors.items()}
+        for name, factors in found.items()
+        if factors
+    }
+
+
+def _factors(session: Session, now: Fitted, valued: EffectValues) -> dict[str, Array]:
+    """The factor (n,) on each parameter that an effect changes, over all logs."""
+    variation = valued.effect.time_variation
+    if variation is not None:
+        ends = np.array([time for log in session.logs for time in (log.start, log.start + log.rows * session.dt)])
+        decay = variation.factor(valued.values, np.linspace(ends.min(), ends.max(), 2 * len(ends)))
+        return {parameter: 1.0 + valued.values[size] * decay for size, parameter in variation.of.items()}
+    if valued.effect.name == "position_friction":
+        along = valued.effect.apply(now.model.stage, valued.values).friction.along
+        place = np.concatenate([log.position for log in session.logs]) - along.centre
+        return {"coulomb": 1.0 + along.slope * place + along.bow * place * place}
+    return {}
+
+
+class Merged(NamedTuple):
+    """Effects with the parameters that they change."""
+
+    effects: list[FoundEffect]
+    taken_over: dict[str, float]  # by each of them, of what all parameters together take of the gap
+
+    def of_gap(self, shares: Mapping[str, float]) -> dict[str, float]:
+        """`shares` of the gap, what an effect has taken over from the parameters with it."""
+        whole = shares.get(PARAMETERS, 0.0)
+        moved = {name: share * whole for name, share in self.taken_over.items()}
+        rest = {PARAMETERS: whole - sum(moved.values())} if PARAMETERS in shares else {}
+        return {**shares, **rest, **{name: shares.get(name, 0.0) + share for name, share in moved.items()}}
+
+    def of_effort(self, parts: Sequence[Part]) -> tuple[Part, ...]:
+        """The same for `parts` of what the nominal model leaves."""
+        shares = self.of_gap({part.name: part.share for part in parts if part.block == MECHANICS})
+        return tuple(part._replace(share=shares[part.name]) if part.block == MECHANICS else part for part in parts)
+
+
+def merged(effects: Sequence[FoundEffect], factors: Swept) -> Merged:
+    """The effects, each that is named with the parameters whose nominal value lies within what it changes them by."""
+    sure = {
+        effect.name: factors[effect.name]
+        for effect in effects
+        if effect.probability >= NAMED and effect.name in factors
+    }
+    owner = {effect.name: name for effect in effects for name, of in sure.items() if _within(effect, of)}
+    own = {name: [effect for effect in effects if owner.get(effect.name) == name] for name in owner.values()}
+    whole = sum(effect.share for effect in effects if effect.parameter and effect.name != "presliding") or 1.0
+    kept = [_with(effect, own.get(effect.name, [])) for effect in effects if effect.name not in owner]
+    return Merged(kept, {name: sum(part.share for part in parts) / whole for name, parts in own.items()})
+
+
+def _with(effect: FoundEffect, own: Sequence[FoundEffect]) -> FoundEffect:
+    """`effect` with its `own` parameters: their share, their values, their fields."""
+    return effect._replace(
+        share=effect.share + sum(other.share for other in own),
+        parameters=effect.parameters | {other.name: other.parameters[other.name] for other in own},
+        fields=tuple(dict(field for part in (effect, *own) for field in part.fields).items()),
+    )
+
+
+def _within(shift: FoundEffect, factors: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether a parameter has changed from its nominal value to others, or may yet come to it by as much again."""
+    if not shift.parameter or shift.name not in factors:
+        return False
+    low, high = factors[shift.name]
+    seen = high - low
+    return low - seen <= 1.0 / (1.0 + shift.parameters["change"].value) <= high + seen
