@@ -290,6 +290,26 @@ def test_a_gap_of_nothing_behind_a_spring_is_a_spring(monkeypatch: pytest.Monkey
     assert grown.effects[-1].effect.name == taken
 
 
+@pytest.mark.parametrize(("current", "material_one"), [(-200.0, True), (4000.0, False)])
+def test_the_current_shows_a_slower_loop_whatever_is_missing_in_the_mechanics(
+    monkeypatch: pytest.MonkeyPatch, current: float, material_one: bool
+) -> None:
+    """Next to a ball pass of a screw it explains a fifth of all that is missing, and all of what the current lacks."""
+    loop = _late("current_loop", 2e-4)
+    whole, shifted = (
+        SimpleNamespace(effects=effects, model=None, residuals=None, residual_sum_of_squares=left)
+        for effects, left in (((loop,), 194e3), ((), 222e3))
+    )
+    cuts = {id(whole): (1658.0, current), id(shifted): (2105.0, 7865.0)}
+    monkeypatch.setattr(material, "without", lambda *_: shifted)
+    monkeypatch.setattr(refine, "refine", lambda *_: shifted)
+    monkeypatch.setattr(gram_matrices, "noise", lambda *_: np.array([73e3]))
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: cuts[id(fitted)])
+    monkeypatch.setattr(linearised, "strokes", lambda _: 66)
+    nothing: Any = None
+    assert material.is_material(nothing, _library(), cast("Any", whole), loop) is material_one
+
+
 @pytest.mark.parametrize(("left", "taken"), [(413.0, True), (840.0, False)])
 def test_a_rival_whose_own_fit_explains_more_takes_the_place(
     monkeypatch: pytest.MonkeyPatch, left: float, taken: bool
