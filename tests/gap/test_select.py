@@ -63,7 +63,7 @@ def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     monkeypatch.setattr(select, "_stands_against_functions", lambda *_: True)
     library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
     grown = select._with_small(cast("Any", None), library, cast("Any", None), lambda: ())
-    assert (grown is after) == fitted and material.nearly_all(MISSING, LEFT, 10)
+    assert (grown is after) == fitted and material.explains_most(MISSING, LEFT, 10)
 
 
 def test_two_that_are_missing_alike_are_found_together(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,7 +94,7 @@ def test_two_that_are_missing_alike_are_found_together(monkeypatch: pytest.Monke
 def test_a_resonance_is_judged_where_its_fit_has_found_it(
     name: str, refined: float, fitted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A fit that explains six tenths is kept where the evidence has it first with the refined values on the grid."""
+    """A fit that explains half is kept where the evidence has it first with the refined values on the grid."""
     bends = name == "compliance"
     effect = SimpleNamespace(name=name, block=EFFECTS[name].block, resonant=bends, nonlinear=bends)
     valued = SimpleNamespace(effect=effect)
@@ -109,7 +109,7 @@ def test_a_resonance_is_judged_where_its_fit_has_found_it(
         )
 
     monkeypatch.setattr(linearised, "linearised", at)
-    monkeypatch.setattr(linearised, "excess", lambda *_: (400.0, 0.0))
+    monkeypatch.setattr(linearised, "excess", lambda *_: (500.0, 0.0))
     monkeypatch.setattr(linearised, "strokes", lambda _: 10)
     monkeypatch.setattr(select, "_grown", lambda *_: after)
     monkeypatch.setattr(select, "_stands_against_functions", lambda *_: True)

@@ -31,8 +31,8 @@ def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues
         rest = refine.refine(e, now.model, rest.effects)
     before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
     if late:  # the current shows it, whatever is missing in the mechanics
-        return stands(library, rest, now) or nearly_all(before[1:], after[1:], linearised.strokes(e))
-    return nearly_all(before, after, linearised.strokes(e)) or explains(before, after, library.predict(e, rest).cuts)
+        return stands(library, rest, now) or explains_most(before[1:], after[1:], linearised.strokes(e))
+    return explains_most(before, after, linearised.strokes(e)) or explains(before, after, library.predict(e, rest).cuts)
 
 
 def stands(library: Library, before: Fitted, after: Fitted) -> bool:
@@ -61,9 +61,9 @@ def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
     return any(p and adequate(b, a, p) for b, a, p in zip(before, after, predicted, strict=True))
 
 
-def nearly_all(before: Sequence[float], after: Sequence[float], strokes: int) -> bool:
-    """Whether one of the cuts, of which more is left than noise of as many `strokes`, loses nearly all of it."""
-    return any(b > strokes and b - a >= constants.NEARLY_ALL * b for b, a in zip(before, after, strict=True))
+def explains_most(before: Sequence[float], after: Sequence[float], strokes: int) -> bool:
+    """Whether one of the cuts, of which more is left than noise of as many `strokes`, loses most of it."""
+    return any(b > strokes and adequate(b, a, b) for b, a in zip(before, after, strict=True))
 
 
 def adequate(before: float, after: float, predicted: float) -> bool:
