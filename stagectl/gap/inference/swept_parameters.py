@@ -1,6 +1,6 @@
-"""Parameters that an effect changes along the stroke or over the session.
+"""Parameters that an effect changes along the stroke, with the speed or over the session.
 
-The fit has one value of such a parameter: at the middle of the travel, on a warm machine, before a step.  The nominal
+The fit has one value of such a parameter: at the middle of the travel, far from rest, on a warm machine.  The nominal
 value may be one that the machine has elsewhere, such as the mean, or will have when a drift goes on: no log shows where
 it ends, and a machine has more than one time constant.  Then the parameter is not off.  The effect says all, and its
 patch holds the value from which it counts.
@@ -41,6 +41,8 @@ def _factors(session: Session, now: Fitted, valued: EffectValues) -> dict[str, A
         along = valued.effect.apply(now.model.stage, valued.values).friction.along
         place = np.concatenate([log.position for log in session.logs]) - along.centre
         return {"coulomb": 1.0 + along.slope * place + along.bow * place * place}
+    if "rise" in valued.values:  # of Stribeck's curve: from the fastest motion to rest
+        return {"coulomb": np.array([1.0, 1.0 + valued.values["rise"]])}
     return {}
 
 

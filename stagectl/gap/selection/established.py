@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, waves
 from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.evidence import temper
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
 from stagectl.gap.selection.material import is_material, refitted_without, without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -61,16 +62,17 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
 
 
 def _with_rival(e: Evidence, library: Library, selection: Selection) -> Fitted | None:
-    """The fit with a rival in the place of an effect, where it leaves less by more than chance; None where none does.
+    """The fit with a rival in the place of an effect, where it is then far more probable; None where none is.
 
     Rivals are comparable around the model.  How much each explains its own fit tells.
     """
-    now, least = selection.fitted, sum(selection.left) - linearised.strokes(e)
+    now, left = selection.fitted, sum(selection.left)
+    power = temper(left, linearised.strokes(e))
     for valued in now.effects:
         rest = [other for other in now.effects if other is not valued]
         for rival in selection.rivals.get(valued.effect.name, {}).values():
             fitted = refine.refine(e, now.model, [*rest, rival])
-            if sum(linearised.excess(e, library, fitted)) < least:
+            if 0.5 * power * (left - sum(linearised.excess(e, library, fitted))) > -math.log(constants.COMPARABLE):
                 return fitted
     return None
 

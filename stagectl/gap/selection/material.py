@@ -1,6 +1,7 @@
 """What is missing and has an order is no trace: whether an effect explains most of it, however small it is."""
 
 import math
+from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 
 from stagectl.gap.residuals import gram_matrices
@@ -25,10 +26,13 @@ def refitted_without(e: Evidence, now: Fitted, names: AbstractSet[str]) -> Fitte
 def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:
     """Whether most of what is missing without the effect `valued` of `now` is explained by it."""
     rest = without(e, now, valued)
-    if valued.effect.name in constants.TIMING:  # in its place the time shift may move as far as it likes
-        return stands(library, refine.refine(e, now.model, rest.effects), now)
+    late = valued.effect.name in constants.TIMING
+    if late:  # in its place the time shift may move as far as it likes
+        rest = refine.refine(e, now.model, rest.effects)
     before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
-    return nearly_all(before, after, linearised.strokes(e)) or explains(before, after, library.predict(e, rest).cuts)
+    if late:  # the current shows it, whatever is missing in the mechanics
+        return stands(library, rest, now) or explains_most(before[1:], after[1:], linearised.strokes(e))
+    return explains_most(before, after, linearised.strokes(e)) or explains(before, after, library.predict(e, rest).cuts)
 
 
 def stands(library: Library, before: Fitted, after: Fitted) -> bool:
@@ -57,9 +61,9 @@ def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
     return any(p and adequate(b, a, p) for b, a, p in zip(before, after, predicted, strict=True))
 
 
-def nearly_all(before: Cuts, after: Cuts, strokes: int) -> bool:
-    """Whether one of the cuts, of which more is left than noise of as many `strokes`, loses nearly all of it."""
-    return any(b > strokes and b - a >= constants.NEARLY_ALL * b for b, a in zip(before, after, strict=True))
+def explains_most(before: Sequence[float], after: Sequence[float], strokes: int) -> bool:
+    """Whether one of the cuts, of which more is left than noise of as many `strokes`, loses most of it."""
+    return any(b > strokes and adequate(b, a, b) for b, a in zip(before, after, strict=True))
 
 
 def adequate(before: float, after: float, predicted: float) -> bool:

@@ -21,7 +21,7 @@ from stagectl.gap.selection import constants, drive_alikes, linearised, refine, 
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.established import Say, Selection, established, vanishes
 from stagectl.gap.selection.linearised import Cuts, Library, Linearised
-from stagectl.gap.selection.material import adequate, at_bound, explains, nearly_all, refitted_without
+from stagectl.gap.selection.material import adequate, at_bound, explains, explains_most, refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.starting_places import Starts, bends, starting_places
 
@@ -160,7 +160,7 @@ def _fitted(
     """`now` with `effects`, refined; None where their columns promise too little, and do not bend."""
     best = at.verdict.best(effects)
     added = at.values(best)
-    if not _bent(added) and not any(predicted) and at.explained(best) < constants.NEARLY_ALL:
+    if not _bent(added) and not any(predicted) and at.explained(best) < constants.ADEQUATE:
         return None
     return _grown(e, now, added, _if_bent(added, tried))
 
@@ -168,7 +168,7 @@ def _fitted(
 def _explain(e: Evidence, library: Library, now: Fitted, after: Fitted, at: Linearised, predicted: Cuts) -> bool:
     """Whether what `after` adds to `now` explains most of what is missing, or is most probable where it was found."""
     left = linearised.excess(e, library, after)
-    if nearly_all(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted):
+    if explains_most(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted):
         return True
     return _bent(_added(now, after)) and _most_probable(e, library, now, after)
 

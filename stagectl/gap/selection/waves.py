@@ -196,7 +196,7 @@ def _stands_out(found: Lines, order: float) -> bool:
 def _gone(before: Lines, after: Lines, orders: Sequence[float]) -> bool:
     """Whether nearly all of the power at these orders is explained."""
     lost, whole = (sum(_power(found, order) for order in orders) for found in (after, before))
-    return lost <= (1.0 - constants.NEARLY_ALL) * whole
+    return lost <= (1.0 - constants.GONE) * whole
 
 
 def _power(found: Lines, order: float) -> float:

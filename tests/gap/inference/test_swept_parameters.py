@@ -52,7 +52,7 @@ def test_an_effect_that_is_not_named_owns_nothing() -> None:
 
 
 def test_the_factors_are_those_of_the_logs(ball_screw: Setup) -> None:
-    """A drift from 1.4 to 1 + 0.4 / e^2, and a friction that is 3 to 12 % off at the ends of the travel."""
+    """A drift from 1.4 to 1 + 0.4 / e^2; a friction that is 3 to 12 % off at the ends of the travel; one that rises."""
     logs = [SimpleNamespace(start=start, rows=1000, position=np.array([-3.0, 0.0, 3.0])) for start in (0.0, 99.0)]
     session: Any = SimpleNamespace(logs=logs, dt=1e-3)
     decay = SimpleNamespace(of={"rise": "viscous"}, factor=lambda v, t: np.exp(-t / v["time"]))
@@ -66,8 +66,10 @@ def test_the_factors_are_those_of_the_logs(ball_screw: Setup) -> None:
     now: Any = SimpleNamespace(
         model=SimpleNamespace(stage=ball_screw.stage),
         effects=[SimpleNamespace(effect=warming, values={"rise": 0.4, "time": 50.0}),
-                 SimpleNamespace(effect=place, values={})],
+                 SimpleNamespace(effect=place, values={}),
+                 SimpleNamespace(effect=SimpleNamespace(name="stribeck", time_variation=None), values={"rise": 0.2})],
     )  # fmt: skip
     found = swept_parameters.swept(session, now)
     assert found["thermal_viscous"]["viscous"] == pytest.approx((1.0 + 0.4 * np.exp(-2.0), 1.4))
     assert found["position_friction"]["coulomb"] == pytest.approx((0.88, 1.0))
+    assert found["stribeck"]["coulomb"] == pytest.approx((1.0, 1.2))
