@@ -68,6 +68,15 @@ def test_no_frequency_is_tried_that_no_row_tells() -> None:
     assert "compliance" not in {each.name for each in definitions(SIZE._replace(dt=0.2))}
 
 
+def test_a_second_resonance_may_be_another_mode_of_the_first() -> None:
+    """The base of an exam's machine has two modes: its second one was named a compliance, or the first one was."""
+
+    of = {effect.name: effect for effect in definitions(SIZE)}
+    base, load, gap = (EffectValues(of[name], {}) for name in ("base_vibration", "compliance", "backlash"))
+    assert candidates.of_the_structure(load, [base, gap]) == ("base_vibration",)
+    assert not candidates.of_the_structure(load, [gap]) and not candidates.of_the_structure(gap, [base])
+
+
 @pytest.mark.parametrize(
     ("order", "wave", "motor"), [(8.0, 24.0, True), (6.0, 4.0, True), (7.0, 24.0, False), (8.2, 24.0, False)]
 )

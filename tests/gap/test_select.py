@@ -12,7 +12,7 @@ import pytest
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, starting_places, waves
-from stagectl.gap.selection.established import Selection, _with_rival
+from stagectl.gap.selection.established import Selection, _further_part, _with_rival
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
@@ -308,6 +308,29 @@ def test_the_current_shows_a_slower_loop_whatever_is_missing_in_the_mechanics(
     monkeypatch.setattr(linearised, "strokes", lambda _: 66)
     nothing: Any = None
     assert material.is_material(nothing, _library(), cast("Any", whole), loop) is material_one
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "gain", "dropped"),
+    [
+        ("base_vibration", 0.0, 13e3, "base_vibration"),  # the second mode of a base that was fitted as a load
+        ("base_vibration", 0.0, 300e3, ""),
+        ("current_ripple", 2.0, 17e3, "current_ripple"),  # the lead's second harmonic
+        ("current_ripple", 24.0, 17e3, ""),
+        ("cable_spring", 0.0, 13e3, ""),
+    ],
+)
+def test_what_may_be_a_further_part_of_an_effect_is_no_other_one(
+    name: str, order: float, gain: float, dropped: str
+) -> None:
+    def valued(name: str, **values: float) -> Any:
+        resonant = name in ("base_vibration", "compliance")
+        return SimpleNamespace(effect=SimpleNamespace(name=name, resonant=resonant), values=values)
+
+    effects = (valued("compliance"), valued("lead_friction", order=1.0), valued(name, order=order))
+    gains = {"compliance": 850e3, "lead_friction": 292e3, name: gain}
+    fitted: Any = SimpleNamespace(effects=effects)
+    assert _further_part(Selection(fitted, (0.0, 0.0), {}, {}, gains, {})) == dropped
 
 
 @pytest.mark.parametrize(("left", "taken"), [(413.0, True), (840.0, False)])

@@ -93,5 +93,5 @@ def _within(shift: FoundEffect, factors: Mapping[str, tuple[float, float]]) -> b
     if not shift.parameter or shift.name not in factors:
         return False
     low, high = factors[shift.name]
-    seen = high - low
-    return low - seen <= 1.0 / (1.0 + shift.parameters["change"].value) <= high + seen
+    seen, of_nominal = high - low, 1.0 + shift.parameters["change"].value
+    return (low - seen) * of_nominal <= 1.0 <= (high + seen) * of_nominal

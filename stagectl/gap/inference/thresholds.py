@@ -37,7 +37,6 @@ TABLE_ROWS = 241  # of the data-based term; chosen. Resolution of its table.
 # half of this value 0.12, with twice 0.28.  On three machines of the exam with another form of an effect it leaves 0.04
 # to 0.08; of 33 with a cause that the library lacks, four have a stand-in over its coordinate, of 0.24 to 0.9.
 FORM_LEFT = 0.1
-OF_KIN = 0.25  # of an effect's gain; chosen. What the error of its form may leave over the same coordinate.
 BAND_STEP = 0.5  # octaves; chosen. Width of one band of the residual's spectrum.
 BAND_COUNT = 3  # bands; chosen. A resonance is looked for in this many neighbouring ones.
 BAND_SHARE = 0.5  # of the residual; chosen. They must hold this much of it.

@@ -14,12 +14,13 @@ from stagectl.gap.inference import basis_functions, shape_fits, unstructured_res
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import means
 from stagectl.gap.inference.shape_fits import ShapeFit, best_of, floor_of, least_gain, repeats_of, shape_of
-from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS, OF_KIN
+from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
+from stagectl.gap.selection.constants import OF_KIN
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library, Predicted
 from stagectl.gap.selection.refine import Evidence, Fitted

@@ -12,7 +12,7 @@ from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
-from stagectl.gap.selection.candidates import EffectValues, equipped, of_the_motor
+from stagectl.gap.selection.candidates import EffectValues, equipped, of_the_motor, of_the_structure
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.material import refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -81,7 +81,7 @@ def _effect(
     values = with_limit(parameters(fitted, now, known, session.kind), fitted, before)
     return FoundEffect(
         name=name,
-        alternatives=(*_alternatives(name, selected), *of_the_motor(fitted, rest)),
+        alternatives=(*_alternatives(name, selected), *of_the_motor(fitted, rest), *of_the_structure(fitted, rest)),
         probability=selected.probability[name],
         share=0.0,
         parameters=_in_order(values, session),

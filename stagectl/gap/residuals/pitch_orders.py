@@ -79,7 +79,8 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) 
     signals = np.stack([samples.effort, samples.effort * samples.current, samples.effort * samples.direction])
     cogging, ripple, lead = power(signals, turns, highest)
     balls = power(signals[2:], turns / thresholds.ORDERS_PER_WHOLE, thresholds.HIGHEST_FRACTIONAL)[0]
-    steps = _fractional()
+    travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
+    steps = _fractional(pitch / travel)
     return {
         "cogging": _with_line(peaks(whole, cogging), lines(p, runs, pitch)),
         "current_ripple": peaks(whole, ripple),
@@ -88,11 +89,12 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) 
     }
 
 
-def _fractional() -> NDArray[np.int64]:
-    """Orders of a ball pass, in steps: all but those that belong to the lead."""
+def _fractional(told: float) -> NDArray[np.int64]:
+    """Orders of a ball pass, in steps: all but the lead's, and those less than `told` orders apart from these."""
     steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.HIGHEST_FRACTIONAL + 1)
     lead = thresholds.ORDERS_PER_WHOLE * np.array(thresholds.LEAD_ORDERS)
-    kept: NDArray[np.int64] = steps[np.abs(steps[:, None] - lead).min(axis=1) >= thresholds.APART_FROM_LEAD]
+    apart = max(thresholds.APART_FROM_LEAD, thresholds.ORDERS_PER_WHOLE * told)
+    kept: NDArray[np.int64] = steps[np.abs(steps[:, None] - lead).min(axis=1) >= apart]
     return kept
 
 

@@ -56,6 +56,13 @@ def of_the_motor(valued: EffectValues, present: Sequence[EffectValues]) -> tuple
     return tuple(name for name, x in waves.items() if x.is_integer() and math.gcd(int(x), int(order)) > 1)
 
 
+def of_the_structure(valued: EffectValues, present: Sequence[EffectValues]) -> tuple[str, ...]:
+    """The resonances among `present` of which a resonance `valued` may be a further mode: a structure has many."""
+    if not valued.effect.resonant:
+        return ()
+    return tuple(other.effect.name for other in present if other.effect.resonant)
+
+
 def forms(effects: Sequence[Definition]) -> list[Form]:
     """Every effect at every place on its grid."""
     return [form for effect in effects for form in _forms(effect)]

@@ -44,6 +44,7 @@ WAVES = ("cogging", "cogging_map", "encoder_eccentricity")
 # Effects whose force turns with the current, so that its product with the current makes a line.  Of 13 machines of the
 # exam without a ripple the highest is 16, of three with one the lowest 116.
 RIPPLES = ("current_ripple", "ball_pass_ripple")
+LEAD = "lead_friction"
 TIMING = ("dead_time", "current_loop")  # effects that make it answer later
 CLIPPING = ("current_saturation", "voltage_saturation")  # effects that cut off the noise of a repeat as well
 SCALING = ("current_gain", "torque_path")  # what it reports, and what it gives
@@ -57,6 +58,8 @@ BEAM = 12  # sets that are continued by one effect more; chosen.  Costs time alo
 # of them are worth 1e-4 together.
 NEGLIGIBLE = 1e-9
 MOST_EFFECTS = 4  # in one set; two score as four.
+# Of an effect's gain; chosen.  What the error of its form may leave over the same coordinate, or another effect name.
+OF_KIN = 0.25
 KEPT = 0.5  # probability that something stands in an effect's place: below, the effect leaves the model; derived.
 COMPARABLE = 0.1  # odds of another effect in the place of one: from there on it is an alternative; chosen.
 # Of what a function of one coordinate predicts, or of all that is left above the noise: an effect that explains so much

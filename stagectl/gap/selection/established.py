@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from stagectl.gap.residuals.thresholds import LEAD_ORDERS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.evidence import temper
@@ -52,13 +53,34 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         _enter(selection, at, valued.effect.name, most)
         _enter_alikes(selection, _alikes(e, library, now, valued), valued.effect.name)
     weak = max(empty, key=empty.__getitem__, default="")
-    if weak and empty[weak] > 1.0 - constants.KEPT:
+    weak = weak if weak and empty[weak] > 1.0 - constants.KEPT else _further_part(selection)
+    if weak:
         return dropped(e, library, now, weak, say)
     closer = _with_rival(e, library, selection)
     if closer is None:
         return selection
     say(f"{closer.effects[-1].effect.name} explains more than what stood in its place")
     return established(e, library, closer, say)
+
+
+def _further_part(selection: Selection) -> str:
+    """An effect that is too small to be more than a further part of another one; empty where none is.
+
+    A structure has more modes than one, and the friction of a lead more harmonics.
+    """
+    gains = selection.gains
+    for valued in selection.fitted.effects:
+        others = [other for other in selection.fitted.effects if other is not valued and _of_kin(valued, other)]
+        if any(gains[valued.effect.name] < constants.OF_KIN * gains[other.effect.name] for other in others):
+            return valued.effect.name
+    return ""
+
+
+def _of_kin(valued: EffectValues, other: EffectValues) -> bool:
+    """Whether an effect may be a further part of the `other`: two resonances; a wave at an order of the lead."""
+    if valued.effect.resonant and other.effect.resonant:
+        return True
+    return other.effect.name == constants.LEAD and round(valued.values.get("order", 0.0)) in (1, *LEAD_ORDERS)
 
 
 def _with_rival(e: Evidence, library: Library, selection: Selection) -> Fitted | None:

@@ -27,6 +27,7 @@ def shift(change: float, name: str = "viscous") -> FoundEffect:
         (0.14, False),  # nominal 0.88: it falls by 0.3 in the logs, and may fall by 0.22 more
         (0.6, True),  # nominal 0.62
         (-0.5, True),  # nominal 2.0
+        (-1.0, True),  # nothing is left of it
     ],
 )
 def test_a_nominal_value_within_what_the_effect_changes_is_not_off(change: float, alone: bool) -> None:
