@@ -24,14 +24,13 @@ from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import FoundEffect, Value
+from stagectl.gap.selection import constants
 from stagectl.gap.selection.baseline_fit import is_measured
-from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.drive_alikes import delay
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.stage import Drive, Stage
 from stagectl.parallel import in_parallel
 from stagectl.recording.true_rows import stretches
-
-DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects that are one, and its name among their values
 
 
 class MissingCurrent(NamedTuple):
@@ -64,15 +63,11 @@ def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, 
     if is_measured(e.runs) and all(log.exact for run in e.runs for log in run.logs):
         runs = missing_currents(now.equipped, e)
         logs = [log for run in runs for log in run]
+        delays = [delay(valued) for valued in now.effects if valued.effect.name in constants.TIMING]
         jitter = jitter_of(runs)
-        candidates += [quantised(session.stage.drive, logs), jittered(jitter, delays_of(now.effects))]
+        candidates += [quantised(session.stage.drive, logs), jittered(jitter, delays)]
         most = math.inf if jitter is None else jitter.most
     return Signatures(tuple(each for each in candidates if each and each.name not in excluded), most)
-
-
-def delays_of(effects: Sequence[EffectValues]) -> list[float]:
-    """The delays and lags (s) among `effects`."""
-    return [valued.values[DELAYS[valued.effect.name]] for valued in effects if valued.effect.name in DELAYS]
 
 
 def put_in(p: Stage, found: Sequence[FoundEffect]) -> Stage:

@@ -6,7 +6,6 @@ from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Data, units_of
 from stagectl.gap.inference import amplitudes, cable_centre, thresholds
 from stagectl.gap.inference.patch_fields import fields_of
-from stagectl.gap.inference.signatures import DELAYS
 from stagectl.gap.inference.value_errors import Errors
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
@@ -21,6 +20,7 @@ from stagectl.kernels.stage import Stage
 from stagectl.units import unit_on
 
 _REACHED = 1e-9  # depth of a limit that is just reached: of none the effect is neutral
+DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects that are one, and its name among their values
 
 
 def named_effects(session: Session, e: Evidence, selected: Selection, known: Sequence[Errors]) -> list[FoundEffect]:
@@ -55,7 +55,7 @@ def taken_out(e: Evidence, selected: Selection, name: str) -> Selection:
 
 def without_jitter(effect: FoundEffect, most: float) -> FoundEffect:
     """`effect` without the alternative of a jitter, where its mean delay is longer than that of `most` (s, rms)."""
-    if effect.name not in DELAYS or effect.parameters[DELAYS[effect.name]].value <= thresholds.DELAY_PER_JITTER * most:
+    if effect.name not in DELAYS or not _longer(effect, most):
         return effect
     return effect._replace(alternatives=tuple(name for name in effect.alternatives if name != "jitter"))
 
@@ -63,13 +63,13 @@ def without_jitter(effect: FoundEffect, most: float) -> FoundEffect:
 def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[FoundEffect]) -> list[FoundEffect]:
     """Effects and the drive's signatures; the mean of a jittering delay is no delay of its own."""
     jitter = next((found.parameters["rms"].value for found in signatures if found.name == "jitter"), 0.0)
-    kept = [
-        effect
-        for effect in effects
-        if effect.name not in DELAYS
-        or effect.parameters[DELAYS[effect.name]].value > thresholds.DELAY_PER_JITTER * jitter
-    ]
+    kept = [effect for effect in effects if effect.name not in DELAYS or _longer(effect, jitter)]
     return [*kept, *signatures]
+
+
+def _longer(delay: FoundEffect, jitter: float) -> bool:
+    """Whether a `delay` is longer than the mean of a `jitter` (s, rms)."""
+    return delay.parameters[DELAYS[delay.name]].value > thresholds.DELAY_PER_JITTER * jitter
 
 
 def _effect(

@@ -79,8 +79,7 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) 
     signals = np.stack([samples.effort, samples.effort * samples.current, samples.effort * samples.direction])
     cogging, ripple, lead = power(signals, turns, highest)
     balls = power(signals[2:], turns / thresholds.ORDERS_PER_WHOLE, thresholds.HIGHEST_FRACTIONAL)[0]
-    travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
-    steps = _fractional(pitch / travel)
+    steps = _fractional(pitch / _travel(runs))
     return {
         "cogging": _with_line(peaks(whole, cogging), lines(p, runs, pitch)),
         "current_ripple": peaks(whole, ripple),
@@ -122,7 +121,7 @@ def lines(p: TrackedModel, runs: Sequence[Run], pitch: float, by_current: bool =
     def effort(run: Run) -> Array:
         return untracked(model_residual(p, run.mean).effort, p, run.mean.dt)[:: thresholds.KEPT]
 
-    travel = max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
+    travel = _travel(runs)
     turn = thresholds.STEPS_PER_TRAVEL * travel
     samples = _samples(runs, travel, p.stage.encoder.delay_samples, effort)
     most = _resolved(runs, turn, thresholds.STEPS)
@@ -134,6 +133,11 @@ def lines(p: TrackedModel, runs: Sequence[Run], pitch: float, by_current: bool =
     around = np.maximum(median_filter(spectrum, thresholds.ORDER_SURROUNDINGS, mode="reflect"), 1e-300)
     orders: Array = grid.astype(np.float64) * (pitch / turn)
     return Lines(orders, spectrum, spectrum / around, pitch / travel)
+
+
+def _travel(runs: Sequence[Run]) -> float:
+    """The longest travel (rad | m)."""
+    return max(float(np.ptp(run.mean.rows[:, 1])) for run in runs)
 
 
 def _resolved(runs: Sequence[Run], turn: float, limits: tuple[int, int]) -> int:

@@ -27,7 +27,7 @@ def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
     if not late and abs(now.model.shift) <= constants.LEAST_SHIFT * e.base.prior.dt:
         return now
     others = without_effects(library, {valued.effect.name for valued in late})  # those that it has are refined
-    rest = _Beside([valued for valued in now.effects if valued not in late], now.model.shift + sum(map(_delay, late)))
+    rest = _Beside([valued for valued in now.effects if valued not in late], now.model.shift + sum(map(delay, late)))
     rival = now.residual_sum_of_squares if late else most_that_stands(library, now)
     tried = _later(e, others, now, rest, rival)
     best = min([now, *tried], key=lambda fitted: fitted.residual_sum_of_squares)
@@ -90,7 +90,7 @@ def without_unlike(e: Evidence, library: Library, now: Fitted, valued: EffectVal
     rest = [other for other in now.effects if other is not valued]
     shifted = refine.refine(e, now.model, rest)
     others = without_effects(library, {valued.effect.name})
-    beside = _Beside(rest, now.model.shift + _delay(valued))
+    beside = _Beside(rest, now.model.shift + delay(valued))
     later = _later(e, others, now, beside, most_that_stands(library, shifted))
     alike = {
         fitted.effects[-1].effect.name
@@ -112,7 +112,7 @@ class _Beside(NamedTuple):
     by: float  # s
 
 
-def _delay(valued: EffectValues) -> float:
+def delay(valued: EffectValues) -> float:
     """By how much (s) an effect makes the drive answer later than its model: its only amplitude."""
     return valued.values[valued.effect.amplitudes[0].name]
 

@@ -29,9 +29,11 @@ def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues
     late = valued.effect.name in constants.TIMING
     if late:  # in its place the time shift may move as far as it likes
         rest = refine.refine(e, now.model, rest.effects)
+        if stands(library, rest, now):
+            return True
     before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
     if late:  # the current shows it, whatever is missing in the mechanics
-        return stands(library, rest, now) or explains_most(before[1:], after[1:], linearised.strokes(e))
+        return explains_most(before[1:], after[1:], linearised.strokes(e))
     return explains_most(before, after, linearised.strokes(e)) or explains(before, after, library.predict(e, rest).cuts)
 
 
