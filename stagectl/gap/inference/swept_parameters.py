@@ -1,4 +1,4 @@
-"""Parameters that an effect changes along the stroke, with the speed or over the session.
+"""Parameters that an effect changes along the stroke, with the speed, the load or over the session.
 
 The fit has one value of such a parameter: at the middle of the travel, far from rest, on a warm machine.  The nominal
 value may be one that the machine has elsewhere, such as the mean, or will have when a drift goes on: no log shows where
@@ -16,6 +16,7 @@ from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.result.diagnosis import NAMED, PARAMETERS, FoundEffect, Part
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Fitted
+from stagectl.kernels import stage
 
 Swept = dict[str, dict[str, tuple[float, float]]]  # of each effect: its parameters, and the factors that these have
 
@@ -41,9 +42,19 @@ def _factors(session: Session, now: Fitted, valued: EffectValues) -> dict[str, A
         along = valued.effect.apply(now.model.stage, valued.values).friction.along
         place = np.concatenate([log.position for log in session.logs]) - along.centre
         return {"coulomb": 1.0 + along.slope * place + along.bow * place * place}
+    if valued.effect.name == "load_friction":  # from rest to the largest effort of the motor
+        most = valued.values["share"] * _largest_effort(session, now) / stage.sliding(now.model.stage.friction)
+        return {"coulomb": np.array([1.0, 1.0 + most])}
     if "rise" in valued.values:  # of Stribeck's curve: from the fastest motion to rest
         return {"coulomb": np.array([1.0, 1.0 + valued.values["rise"]])}
     return {}
+
+
+def _largest_effort(session: Session, now: Fitted) -> float:
+    """Of the motor (N m | N), by the current that the drive reports, or else by the command."""
+    currents = ((log.command if log.current is None else log.current, log.valid) for log in session.logs)
+    most = max((np.max(np.abs(x[valid]), initial=0.0) for x, valid in currents if x is not None), default=0.0)
+    return now.model.stage.motor.force_constant * float(most)
 
 
 class Merged(NamedTuple):

@@ -38,12 +38,18 @@ def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:
     """`now` with that of two scales, and of two offsets, of the current which leaves the base nearer to its nominal.
 
     They explain the same.  The other scale needs inertia and all friction off by the same factor, the other offset a
-    constant force against the current that it gives.
+    constant force against the current that it gives.  Where they are about as near, it is the one of fewer parameters:
+    how far the nominal values of a stage are off nobody knows, so that the ratio of two distances is what counts.
     """
 
     def nearer(others: Sequence[Fitted], *names: str) -> Fitted:
         known = [name for name in names if name in refine.nuisances(e)]
-        return min([now, *others], key=lambda fitted: e.base.prior.cost(fitted.model, known))
+        cost = {id(fitted): e.base.prior.cost(fitted.model, known) for fitted in (now, *others)}
+        most = min(cost.values()) * constants.COMPARABLE ** (-2.0 / max(len(known), 1))
+        return min(
+            (fitted for fitted in (now, *others) if cost[id(fitted)] <= most),
+            key=lambda fitted: (sum(len(valued.effect.amplitudes) for valued in fitted.effects), cost[id(fitted)]),
+        )
 
     now = nearer(other_scales(e, library, now), "inertia", "viscous")  # known best: friction has a form
     return nearer(_other_offsets(e, now), "bias")

@@ -86,13 +86,16 @@ def _of_kin(valued: EffectValues, other: EffectValues) -> bool:
 def _with_rival(e: Evidence, library: Library, selection: Selection) -> Fitted | None:
     """The fit with a rival in the place of an effect, where it is then far more probable; None where none is.
 
-    Rivals are comparable around the model.  How much each explains its own fit tells.
+    Rivals are comparable around the model.  How much each explains its own fit tells, but of two scales of the current:
+    between them the base decides.
     """
     now, left = selection.fitted, sum(selection.left)
     power = temper(left, linearised.strokes(e))
     for valued in now.effects:
         rest = [other for other in now.effects if other is not valued]
         for rival in selection.rivals.get(valued.effect.name, {}).values():
+            if {valued.effect.name, rival.effect.name} <= {*constants.SCALING}:
+                continue
             fitted = refine.refine(e, now.model, [*rest, rival])
             if 0.5 * power * (left - sum(linearised.excess(e, library, fitted))) > -math.log(constants.COMPARABLE):
                 return fitted

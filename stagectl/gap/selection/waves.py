@@ -116,12 +116,12 @@ def _divisor(found: Lines, line: float) -> int:
 
 
 def _wave_of(library: Library, comb: _Comb, waves: Sequence[EffectValues]) -> list[EffectValues]:
-    """The wave of a `comb`, from the values of the single one that is there."""
+    """The wave of a `comb`, from the values of the single one that is there; of the rest, the fit finds them."""
     wanted = MAP if comb.multiples else SINGLE
     form = next((form for form in library.forms if form.effect.name == wanted), None)
     if form is None:
         return []
-    values = {**form.values(form.typical), "order": comb.order}
+    values = {**form.values([0.0] * len(form.typical)), "order": comb.order}
     if comb.multiples:
         others = [k for k in range(2, 2 + 2 * len(MULTIPLES)) if k not in comb.multiples]
         values |= dict(zip(MULTIPLES, map(float, [*comb.multiples, *others]), strict=False))
