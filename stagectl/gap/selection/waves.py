@@ -4,6 +4,7 @@ An error in the form of the friction lies at the reversals and in the slow cours
 position there is next to none of it: a line there is judged by the spectrum beside it, and not by the whole.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -19,7 +20,8 @@ from stagectl.gap.selection.material import without
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 SINGLE, MAP, ENCODER = constants.WAVES
-MULTIPLES = ("multiple_2", "multiple_3", "multiple_4")  # parameters of a map
+RIPPLE, _ = constants.RIPPLES
+MULTIPLES = ("multiple_2", "multiple_3", "multiple_4")  # parameters of a map; a ripple has the first two
 
 
 class Wave(NamedTuple):
@@ -66,23 +68,46 @@ def _with_ripple(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
 
     A further line of the motor is one of its own harmonics, and no ball pass.
     """
-    present = {valued.effect.name for valued in now.effects}
-    forms = [form for form in library.forms if form.effect.name in {*constants.RIPPLES} - present]
-    if not forms:
-        return None
-    found = _lines(e, now, constants.RIPPLES[0])
+    found = _lines(e, now, RIPPLE)
     line = found.strongest(constants.LINE)
     if line is None:
         return None
+    own = next((valued for valued in now.effects if valued.effect.name == RIPPLE), None)
+    others = [valued for valued in now.effects if valued is not own]
+    tried = [[*now.effects, each] for each in _fresh_ripples(library, now, line)]
+    if own is not None and line.is_integer():
+        tried += [[*others, each] for each in _further_harmonic(own, line)]
+    return _that_explains(e, now, tried, found, [line])
+
+
+def _fresh_ripples(library: Library, now: Fitted, line: float) -> list[EffectValues]:
+    """The ripples with this `line` that `now` does not have."""
+    present = {valued.effect.name for valued in now.effects}
+    forms = [form for form in library.forms if form.effect.name in {*constants.RIPPLES} - present]
     fresh = {
-        form.effect.name: EffectValues(form.effect, {**form.values(form.typical), "order": line}) for form in forms
+        form.effect.name: EffectValues(form.effect, {**form.values([0.0] * len(form.typical)), "order": line})
+        for form in forms
     }
-    possible = (
+    return [
         each
         for name, each in fresh.items()
-        if (line.is_integer() or name != constants.RIPPLES[0]) and not of_the_motor(each, now.effects)
+        if (line.is_integer() or name != RIPPLE) and not of_the_motor(each, now.effects)
+    ]
+
+
+def _further_harmonic(ripple: EffectValues, line: float) -> list[EffectValues]:
+    """`ripple` with the `line` as one more of its harmonics; none where all that it has are there."""
+    values, typical = ripple.values, ripple.effect.amplitudes[0].typical[0]
+    pairs = ((name, (f"sine_{k}", f"cosine_{k}")) for k, name in enumerate(MULTIPLES, 2) if name in values)
+    free = (
+        (name, pair)
+        for name, pair in pairs
+        if math.hypot(*(values[part] for part in pair)) < constants.IMMATERIAL * typical
     )
-    return _that_explains(e, now, [[*now.effects, each] for each in possible], found, [line])
+    return [
+        EffectValues(ripple.effect, {**values, **dict.fromkeys(pair, 0.0), name: line / values["order"]})
+        for name, pair in free
+    ][:1]
 
 
 def _that_explains(
@@ -165,9 +190,9 @@ def wave(e: Evidence, now: Fitted, valued: EffectValues) -> Wave | None:
 def _harmonics(valued: EffectValues) -> list[tuple[float, tuple[str, str]]]:
     """The order of each harmonic, and the names of its sine and cosine."""
     values = valued.values
-    if valued.effect.name != MAP:
+    if MULTIPLES[0] not in values:
         return [(values["order"], ("sine", "cosine"))]
-    orders = [values["order"], *(values["order"] * values[name] for name in MULTIPLES)]
+    orders = [values["order"], *(values["order"] * values[name] for name in MULTIPLES if name in values)]
     return [(order, (f"sine_{k}", f"cosine_{k}")) for k, order in enumerate(orders, 1)]
 
 
