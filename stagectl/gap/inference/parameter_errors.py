@@ -220,7 +220,7 @@ def _beside_friction(e: Evidence, residuals: list[list[Array]]) -> Remains:
     g = gram_matrices.grams(gram_matrices.selected(e.base.products, own), residuals)
     fit = least_squares.fit(g.effort.sum(axis=0), g.places(own))
     left = np.append(-fit.amplitude, 1.0)
-    return Remains((g.effort @ left) @ left, g.floor[:, 0], linearised.samples(e), 0.0)
+    return Remains((g.effort @ left) @ left, g.floor[:, 0], linearised.samples(e), linearised.experiments(e), 0.0)
 
 
 def of_force(known: Sequence[Shift]) -> list[Shift]:
