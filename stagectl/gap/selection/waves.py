@@ -4,7 +4,6 @@ An error in the form of the friction lies at the reversals and in the slow cours
 position there is next to none of it: a line there is judged by the spectrum beside it, and not by the whole.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -76,7 +75,7 @@ def _with_ripple(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
     others = [valued for valued in now.effects if valued is not own]
     tried = [[*now.effects, each] for each in _fresh_ripples(library, now, line)]
     if own is not None and line.is_integer():
-        tried += [[*others, each] for each in _further_harmonic(own, line)]
+        tried += [[*others, each] for each in _further_harmonic(e, now, own, line)]
     return _that_explains(e, now, tried, found, [line])
 
 
@@ -95,14 +94,13 @@ def _fresh_ripples(library: Library, now: Fitted, line: float) -> list[EffectVal
     ]
 
 
-def _further_harmonic(ripple: EffectValues, line: float) -> list[EffectValues]:
-    """`ripple` with the `line` as one more of its harmonics; none where all that it has are there."""
-    values, typical = ripple.values, ripple.effect.amplitudes[0].typical[0]
-    pairs = ((name, (f"sine_{k}", f"cosine_{k}")) for k, name in enumerate(MULTIPLES, 2) if name in values)
+def _further_harmonic(e: Evidence, now: Fitted, ripple: EffectValues, line: float) -> list[EffectValues]:
+    """The `ripple` of `now` with the `line` in the place of a harmonic that has none; nothing where all have one."""
+    values, (_, *further) = ripple.values, _harmonics(ripple)
     free = (
         (name, pair)
-        for name, pair in pairs
-        if math.hypot(*(values[part] for part in pair)) < constants.IMMATERIAL * typical
+        for name, (order, pair) in zip(MULTIPLES, further, strict=False)
+        if _line_without(e, now, ripple, order, pair)[0] < constants.LINE
     )
     return [
         EffectValues(ripple.effect, {**values, **dict.fromkeys(pair, 0.0), name: line / values["order"]})
