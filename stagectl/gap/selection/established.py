@@ -120,9 +120,9 @@ def _in_the_place_of(
 
 
 def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
-    """What is established of the other effects, without the effect `name`."""
+    """What is established of the other effects, without the effect `name`: with it another of two alikes was nearer."""
     say(f"dropped {name}")
-    return established(e, library, refitted_without(e, now, {name}), say)
+    return established(e, library, drive_alikes.nearest(e, library, refitted_without(e, now, {name})), say)
 
 
 def is_trace(valued: EffectValues) -> bool:
