@@ -70,6 +70,11 @@ def test_a_parameter_that_an_unknown_may_hold_is_not_off(coordinate: str, left: 
     assert gap["parameters"] == pytest.approx(0.3 * len(left)) and sum(gap.values()) == pytest.approx(1.0)
 
 
+def test_an_unknown_current_has_no_parameters_of_the_mechanics() -> None:
+    unknown = UnknownTerm("speed", np.zeros(2), np.zeros(2), 0.9, block="drive")
+    assert swept_parameters.merged([shift(0.1)], {}, unknown).effects == [shift(0.1)]
+
+
 def test_an_unknown_without_a_term_in_a_stage_file_keeps_no_fields() -> None:
     unknown = UnknownTerm("speed", np.zeros(2), np.zeros(2), 0.9)
     assert swept_parameters.merged([shift(0.1)], {}, unknown).unknown == unknown
