@@ -56,7 +56,10 @@ def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:
 
 
 def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
-    """`now` with the other scale of the current, last, in the place of the one that it has; none where it is worse."""
+    """`now` with the other scale of the current, last, in the place of the one that it has; none where it is worse.
+
+    The noise of the current is one of the efforts, which the other side may make larger.
+    """
     scales = [valued for valued in now.effects if valued.effect.name in constants.SCALING]
     if len(scales) != 1:
         return []
@@ -64,7 +67,9 @@ def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
     others = [form for form in library.forms if form.effect.name in {*constants.SCALING} - {scale.effect.name}]
     sides = [EffectValues(form.effect, form.values(_opposed(scale, form))) for form in others]
     tried = [refine.refine(e, e.base.model, [*rest, side]) for side in sides]
-    most = now.residual_sum_of_squares * (1.0 + AS_CLOSE)
+    gain = 1.0 + scale.values[scale.effect.amplitudes[0].name]
+    larger = max(gain if scale.effect.name == constants.SCALING[0] else 1.0 / gain, 1.0)
+    most = now.residual_sum_of_squares * (1.0 + AS_CLOSE) * larger**2
     return [fitted for fitted in tried if fitted.residual_sum_of_squares <= most]
 
 
