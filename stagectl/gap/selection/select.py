@@ -143,12 +143,14 @@ def _first_of(
 def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
     """`now` with effects of whatever size that explain most of what is missing; None where nothing is or does.
 
-    Two may be missing, each about as much: either alone explains too little, so the most probable set comes first.
+    Two may be missing, each about as much: either alone explains too little, so the most probable set comes first.  Its
+    effects of the drive may explain the missing current, whatever is missing in the mechanics.
     """
     at = linearised.linearised(e, library, now, traces=False)
     sets, predicted = at.verdict.of_sets(), library.predict(e, now).cuts
-    single = next((item for item in sets if len(item) == 1), frozenset[str]())
-    for effects in dict.fromkeys((next(iter(sets)), single)):
+    best, single = next(iter(sets)), next((item for item in sets if len(item) == 1), frozenset[str]())
+    drive = frozenset(name for name in best if EFFECTS[name].block == DRIVE)
+    for effects in dict.fromkeys((best, single, drive)):
         fitted = _fitted(e, now, at, effects, predicted, tried) if sets.get(effects, 0.0) > at.empty else None
         if fitted is not None and _explain(e, library, now, fitted, at, predicted):
             return _that_stands(e, library, now, fitted)
