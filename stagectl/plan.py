@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.compensation import model_effects
+from stagectl.compensation import encoder_map, model_effects
 from stagectl.compensation.forms import Model
 from stagectl.compensation.legs import legs
 from stagectl.config.stage_file import Setup
@@ -24,8 +24,10 @@ from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
 from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.law import SETPOINT_COLUMNS
+from stagectl.kernels.stage import Stage
 from stagectl.motion_limits import check_current, check_duration, check_jumps, check_limits, check_open
 from stagectl.trajectories import Experiment, Phases, Span, Trajectory, phases
+from stagectl.trajectories.approach import Approach
 from stagectl.trajectories.motion import Array
 
 # Chosen, not derived:
@@ -40,6 +42,7 @@ class Start(NamedTuple):
     stops: Any = None  # friction operators; None: relaxed
     effects: model_effects.Memory | None = None  # None: at rest, not moved yet
     clock: float = 0.0  # s since the axis was cold, as far as is known
+    reading: float | None = None  # rad | m, what the encoder is held at; None: the position, as after switching on
 
     def copy(self) -> Start:
         """One of its own to move on."""
@@ -48,6 +51,7 @@ class Start(NamedTuple):
 
 
 AT_ZERO = Start()
+Path = Trajectory | Approach
 
 
 class Plan(NamedTuple):
@@ -78,13 +82,16 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, start: 
     parts = phases(experiment)
     check_duration(parts.duration, setup.dt, LONGEST)
     check_limits(setup, parts.motion)
-    seen = foresee(setup, parts.motion, parts.duration)
+    true, motion = _true_path(setup, parts.motion, start) if feedforward.with_effects else (start, parts.motion)
+    seen = foresee(setup, motion, parts.duration)
     check_jumps(setup, seen)
-    force = _further_friction(setup, parts.motion, seen) if feedforward.with_friction else None
+    force = _further_friction(setup, motion, seen) if feedforward.with_friction else None
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
     rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if start.stops is None else start.stops, force)
-    answer = _add_effects(setup, parts.motion, rows, start) if feedforward.with_effects else model_effects.Answer()
+    answer = _add_effects(setup, motion, rows, true) if feedforward.with_effects else model_effects.Answer()
+    if answer.mapped:
+        _map(setup, parts.motion, rows, (start.position, true.position))
     _experiment(setup, parts, rows)
     spans, begins = parts.current.spans if parts.current is not None else (), parts.start
     excitation = tuple(span._replace(start=span.start + begins, end=span.end + begins) for span in spans)
@@ -106,9 +113,32 @@ def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | N
     return rows
 
 
-def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) -> model_effects.Answer:
+def _answered(setup: Setup) -> Stage:
+    """The model as far as the controller answers it."""
+    return model_effects.without(setup.stage, setup.file.control.unanswered)
+
+
+def _true_path(setup: Setup, motion: Trajectory, start: Start) -> tuple[Start, Path]:
+    """Where the axis stands and its way from there: by the map of its encoder, where it has one."""
+    p = _answered(setup)
+    if not encoder_map.mapped(p):
+        return start, motion
+    place = encoder_map.true_position(p, start.position if start.reading is None else start.reading)
+    off = (place - start.position) * setup.file.axis.travel_per_unit
+    return start._replace(position=place), Approach(motion, off)
+
+
+def _map(setup: Setup, motion: Trajectory, rows: Array, begins: tuple[float, float]) -> None:
+    """Make the target what the encoder will show, and the reference that of `motion`; the way `begins` at both."""
+    reference, target = (SETPOINT_COLUMNS[name] for name in ("reference", "target"))
+    t: Array = setup.dt * np.arange(len(rows), dtype=np.float64)
+    rows[:, reference] = _at(setup, motion, t)[:, 0]
+    rows[:, target] = encoder_map.shown(_answered(setup), begins[1] + rows[:, target]) - begins[0]
+
+
+def _add_effects(setup: Setup, motion: Path, rows: Array, start: Start) -> model_effects.Answer:
     """Put the current against the model's further effects into `rows`, with the friction."""
-    p, dt = model_effects.without(setup.stage, setup.file.control.unanswered), setup.dt
+    p, dt = _answered(setup), setup.dt
     if not isinstance(setup.file.compensation, Model):
         p = model_effects.rubbing_answered(p)
     lead = command_delay(setup)
@@ -121,11 +151,11 @@ def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) ->
     path = np.stack(motion.at(t)[:3], axis=1) / setup.file.axis.travel_per_unit
     path[:, 0] += start.position
     current, answer = model_effects.along(p, memory, path, dt)
-    model_effects.put_into(rows, p, current, start.position, memory.whole.commands[0])
+    model_effects.put_into(rows, p, current, memory.whole.commands[0])
     return answer
 
 
-def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:
+def _further_friction(setup: Setup, motion: Path, seen: Foreseen) -> Array | None:
     """Friction (n,) N m | N to compensate that is not of stop operators; None where there is none."""
     compensation, dt = setup.file.compensation, setup.dt
     if not isinstance(compensation, Model):  # the form that the stage file chose, at t + L + Ts/2
@@ -159,7 +189,7 @@ def bristle_force(p: Bristle, seen: Foreseen, dt: float) -> Array:
     return force
 
 
-def foresee(setup: Setup, trajectory: Trajectory, duration: float) -> Foreseen:
+def foresee(setup: Setup, trajectory: Path, duration: float) -> Foreseen:
     """The trajectory over `duration` (s), at the instants that the feedforward needs, by the delay rule."""
     dt, lead = setup.dt, command_delay(setup)
     t: Array = dt * np.arange(2 * math.ceil((duration + SETTLE) / (2.0 * dt)) + 2, dtype=np.float64)
@@ -168,7 +198,7 @@ def foresee(setup: Setup, trajectory: Trajectory, duration: float) -> Foreseen:
     return Foreseen(_at(setup, trajectory, t[:-2])[:, 0], _at(setup, trajectory, t + lead), late, friction[:, 0])
 
 
-def _at(setup: Setup, trajectory: Trajectory, t: Array) -> Array:
+def _at(setup: Setup, trajectory: Path, t: Array) -> Array:
     """Position and velocity (n, 2) in axis units."""
     motion = trajectory.at(t)
     return np.ascontiguousarray(np.stack(motion[:2], axis=1) / setup.file.axis.travel_per_unit)

@@ -6,8 +6,6 @@ the further effects demand::
     reference --+--> inverse of the whole model --(+)--> mean of each period --> current
                 +--> inverse of the plain one ----(-)
 
-What the encoder's grating adds to the position is no force: it goes into the target, which is compared with it.
-
 Perfect tracking and the friction compensation answer the plain model, to the last bit as before; where a model has no
 further effect the difference is zero.  What is demanded at rest, before the first motion, is left to the
 feedback, which holds it already.
@@ -24,18 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.compensation import period_currents
+from stagectl.compensation import encoder_map, period_currents
 from stagectl.compensation.constants import EFFECT_SHARE, EFFECTS_SHARE, INVERSE_STEPS, ROUNDING
-from stagectl.kernels import (
-    drive_effects,
-    effects,
-    equilibrium,
-    friction,
-    inverse,
-    plant_with_effects,
-    stage,
-    transmission,
-)
+from stagectl.kernels import drive_effects, effects, friction, inverse, stage, transmission
 from stagectl.kernels.fields import get, put
 from stagectl.kernels.jit import states
 from stagectl.kernels.law import SETPOINT_COLUMNS
@@ -94,26 +83,15 @@ def present(p: stage.Stage) -> bool:
     path = (p.drive.offset, p.drive.gain, p.drive.gain_asymmetry, p.drive.directed_offset)
     body = (p.motor, p.mechanics, path) != (known.motor, known.mechanics, (0.0, 0.0, 0.0, 0.0))
     rubbing = p.friction[1:] != known.friction[1:]
-    return body or rubbing or p.residual.coordinate != effects.NONE or mapped(p)
+    return body or rubbing or p.residual.coordinate != effects.NONE or encoder_map.mapped(p)
 
 
-def mapped(p: stage.Stage) -> bool:
-    """Whether the encoder's readings have errors that depend on the position."""
-    return any(wave.amplitude != 0.0 for wave in p.encoder[2:])
-
-
-def put_into(rows: Array, p: stage.Stage, current: Array, place: float, held: float) -> None:
-    """Add `current` (n,) A, and the encoder's map, to setpoints `rows` (n, 8), and make commands of currents.
-
-    The axis begins where its encoder reads `place` (rad | m), under a feedback of `held` (A).
-    """
+def put_into(rows: Array, p: stage.Stage, current: Array, held: float) -> None:
+    """Add `current` (n,) A to setpoints `rows` (n, 8), and make commands of currents; the feedback holds `held` (A)."""
     rows[:, SETPOINT_COLUMNS["friction"]] += current
     if p.drive != plain(p).drive:
         known = rows[:, SETPOINT_COLUMNS["feedforward"]] + rows[:, SETPOINT_COLUMNS["friction"]]
         rows[:, SETPOINT_COLUMNS["friction"]] += _called_for(p.drive, known, held) - known
-    if mapped(p):
-        target = SETPOINT_COLUMNS["target"]
-        rows[:, target] += read_beside(p, place, rows[:, target])
 
 
 def _called_for(p: stage.Drive, current: Array, held: float) -> Array:
@@ -123,13 +101,6 @@ def _called_for(p: stage.Drive, current: Array, held: float) -> Array:
     left = np.maximum(np.abs(wanted) - p.directed_offset, 0.0)
     commands: Array = side * left / (1.0 + p.gain + side * p.gain_asymmetry) - held
     return commands
-
-
-def read_beside(p: stage.Stage, place: float, way: Array) -> Array:
-    """What the encoder adds to each of `way` (n,) rad | m, counted from where it reads `place`."""
-    origin = equilibrium.read(p, place)
-    seen = (plant_with_effects.seen(p.encoder, p.mechanics.pitch, origin + x) for x in way.tolist())
-    return np.fromiter(seen, np.float64, len(way)) - place - way
 
 
 def plain(p: stage.Stage) -> stage.Stage:
@@ -207,7 +178,7 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     np.clip(current, -most, most, out=current)
     held = float(current[-1])
     periods = current[1:] + period_currents.fading(memory.held - float(current[0]), len(current) - 1, dt)
-    return periods, Answer(memory._replace(whole=whole, plain=plain_end, held=held), limited, mapped(p))
+    return periods, Answer(memory._replace(whole=whole, plain=plain_end, held=held), limited, encoder_map.mapped(p))
 
 
 class _Way(NamedTuple):

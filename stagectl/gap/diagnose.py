@@ -204,7 +204,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
     spared = unjudged(session, said.selected)
     found = shares.as_improved(conclusions.effects, session.stage, said.validation.improved)
     changed = swept_parameters.swept(session, said.selected.fitted)
-    merged = swept_parameters.merged(shares.of_effects(found, closure.shares), changed)
+    merged = swept_parameters.merged(shares.of_effects(found, closure.shares), changed, shape)
     effects = [confirmed(effect, shape is not None, spared) for effect in merged.effects]
     named = [effect for effect in effects if effect.probability >= NAMED]
     verdict = verdict_of(named, shape)
@@ -218,7 +218,7 @@ def _answer(session: Session, said: Held) -> DiagnosisResult:
         captures=location.captures,
         parts=attribution.of_named(merged.of_effort(location.parts), named),
         shares=tuple(merged.of_gap(closure.shares).items()),
-        unknown=shape,
+        unknown=merged.unknown,
         traces=tuple(closure.traces),
         notes=(*session.notes, *said.validation.warnings),
         cannot_tell=(*session.cannot_tell, *whitening.unjudged(session), *unknown.without_pitch(session, shape)),

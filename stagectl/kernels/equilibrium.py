@@ -128,7 +128,7 @@ def _limits(p: Stage, position: float, time: float, driving: float, load: float)
     held = friction_effects.held(p.friction, 1.0)
     angle = effects.TURN / p.mechanics.pitch * position
     place = effects.drifting(p.friction.warming, p.friction.step, time) * friction_effects.place_factor(
-        p.friction.along, p.friction.lead, p.friction.ball_pass, (position, angle)
+        p.friction.along, p.friction.lead, p.friction.lead_second, p.friction.ball_pass, (position, angle)
     )
     pressed = p.friction.load * abs(driving) / held.coulomb if held.coulomb > 0.0 else 0.0
     side = 1.0 + math.copysign(p.friction.asymmetry, p.friction.asymmetry * load)

@@ -60,8 +60,9 @@ class Limits(NamedTuple):
 def neutral(p: Friction) -> bool:
     """Whether nothing here changes the friction."""
     still = p.lag == 0.0 and p.asymmetry == 0.0 and p.dwell.rise == 0.0 and p.load == 0.0
-    along = p.along.slope == 0.0 and p.along.bow == 0.0 and p.lead.amplitude == 0.0 and p.ball_pass.amplitude == 0.0
-    return still and along and p.warming.rise == 0.0 and p.step.share == 0.0
+    along = p.along.slope == 0.0 and p.along.bow == 0.0
+    waves = p.lead.amplitude == 0.0 and p.lead_second.amplitude == 0.0 and p.ball_pass.amplitude == 0.0
+    return still and along and waves and p.warming.rise == 0.0 and p.step.share == 0.0
 
 
 @kernel
@@ -80,14 +81,20 @@ def held(p: Friction, h: float) -> Held:
 
 
 @kernel
-def place_factor(along: Along, lead: effects.Harmonic, balls: effects.Harmonic, place: tuple[float, float]) -> float:
+def place_factor(
+    along: Along,
+    lead: effects.Harmonic,
+    second: effects.Harmonic,
+    balls: effects.Harmonic,
+    place: tuple[float, float],
+) -> float:
     """Factor of stroke, lead and balls at a `place` = (position in rad | m, its angle in the pitch in rad)."""
     position, angle = place
     factor = 1.0
     if along.slope != 0.0 or along.bow != 0.0:
         away = position - along.centre
         factor = max(1.0 + away * (along.slope + away * along.bow), 0.0)
-    factor *= 1.0 + effects.wave(lead, angle)
+    factor *= 1.0 + effects.wave(lead, angle) + effects.wave(second, angle)
     return factor * (1.0 + effects.wave(balls, angle))
 
 

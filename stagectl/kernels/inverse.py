@@ -85,6 +85,7 @@ def _opposed(
     place = effects.drifting(p.friction.warming, p.friction.step, m.time) * friction_effects.place_factor(
         p.friction.along,
         p.friction.lead,
+        p.friction.lead_second,
         p.friction.ball_pass,
         (given.position, effects.TURN / p.mechanics.pitch * given.position),
     )

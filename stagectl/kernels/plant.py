@@ -84,6 +84,7 @@ class Motor(NamedTuple):
     cogging_fourth: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort without current")] = Harmonic()
     ripple: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of the current's effort")] = Harmonic()
     ripple_second: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of the current's effort")] = Harmonic()
+    ripple_third: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of the current's effort")] = Harmonic()
 
 
 class Cable(NamedTuple):
@@ -182,6 +183,7 @@ class Friction(NamedTuple):
     load: LoadShare = 0.0
     along: Along = Along()
     lead: Lead = Harmonic()
+    lead_second: Lead = Harmonic()
     ball_pass: BallPass = Harmonic()
     warming: Warming = Warming()
     step: Step = Step()

@@ -37,13 +37,14 @@ def smooth(p: Motor) -> bool:
     """Whether the motor neither cogs nor ripples."""
     cogs = p.cogging.amplitude != 0.0 or p.cogging_second.amplitude != 0.0
     cogs = cogs or p.cogging_third.amplitude != 0.0 or p.cogging_fourth.amplitude != 0.0
-    return not cogs and p.ripple.amplitude == 0.0 and p.ripple_second.amplitude == 0.0
+    ripples = p.ripple.amplitude != 0.0 or p.ripple_second.amplitude != 0.0 or p.ripple_third.amplitude != 0.0
+    return not (cogs or ripples)
 
 
 @kernel
 def motoring(p: Motor, angle: float) -> Motoring:
     """Force constant with its ripple, and cogging, at an angle in the pitch (rad)."""
-    ripple = effects.wave(p.ripple, angle) + effects.wave(p.ripple_second, angle)
+    ripple = effects.wave(p.ripple, angle) + effects.wave(p.ripple_second, angle) + effects.wave(p.ripple_third, angle)
     cogging = effects.wave(p.cogging, angle) + effects.wave(p.cogging_second, angle)
     cogging += effects.wave(p.cogging_third, angle) + effects.wave(p.cogging_fourth, angle)
     return Motoring(p.force_constant * (1.0 + ripple), cogging)
@@ -168,7 +169,8 @@ def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Mov
     later, faster, mean = steps.loop
     held = steps.contact
     drive, mechanics, operators, stops, h = p.drive, p.mechanics, p.friction.operators, x.stops, held.h
-    along, lead, balls, code = p.friction.along, p.friction.lead, p.friction.ball_pass, p.residual.coordinate
+    along, code = p.friction.along, p.residual.coordinate
+    lead, second, balls = p.friction.lead, p.friction.lead_second, p.friction.ball_pass
     lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, TURN_SHARE * held.length
     at = motoring(motor, c.turn * bodies.position)
     against = transmission.pulled(mechanics, bodies.load, path.cable)
@@ -189,7 +191,7 @@ def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Mov
         error, rate = error * later[0] + rate * later[1], error * faster[0] + rate * faster[1]
         current = target + error
         velocity = bodies.velocity + c.masses.share * (bodies.load_velocity - bodies.velocity)
-        place = c.drift * friction_effects.place_factor(along, lead, balls, (bodies.position, angle))
+        place = c.drift * friction_effects.place_factor(along, lead, second, balls, (bodies.position, angle))
         limits = friction_effects.limits(held, contact, velocity, place, driving)
         force = friction.stops_between(operators, stops, h * velocity, limits.low, limits.high)
         contact = friction_effects.slid(held, contact, limits, force, h * velocity)

@@ -19,7 +19,7 @@ from stagectl.kernels.effects import NO_TABLE, Harmonic
 from stagectl.kernels.plant import Cable
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.homing import DriveSearch, Search
-from stagectl.realtime.setpoint_sources import Hold, Model, Ramp, Rows, Source, caught, held
+from stagectl.realtime.setpoint_sources import Hold, Model, Ramp, Rows, Source, caught, held, stopped
 from stagectl.realtime.shared_memory import Board
 from stagectl.realtime.states import POWERED, STOPS_GOING_ON, State
 from stagectl.recording.ring import Ring, RingPlace
@@ -79,7 +79,7 @@ class AxisData:
         self.limits = p.envelope  # those that hold now
         self.drive: Drive | None = None
         self.law, self.x, self.watch = p.law, law.AT_REST, safety.FRESH
-        self.source: Source = Hold(0.0)
+        self.source: Source = Hold(held(0.0, 0.0))
         self.asked = held(0.0, 0.0)
         self.speed = 0.0  # rad/s | m/s, of the reference
         self.seen, self.output, self.current = _UNKNOWN, NO_OUTPUT, 0.0
@@ -134,7 +134,7 @@ class AxisData:
         self.board.show((
             self.state, self.fault, self.faults, self.cycles, self.late,
             time.monotonic(), max(patience, self._patience),
-            seen.position, watch.speed, asked.reference, output.error, output.current, seen.statusword,
+            seen.position, watch.speed, asked.reference, asked.target, output.error, output.current, seen.statusword,
             self.homed, row, rows, self.motions, self.settled, watch.heat, *self.stopped, self.governed,
         ))  # fmt: skip
 
@@ -145,7 +145,7 @@ class AxisData:
         self.seen = self.seen._replace(position=self.seen.position - by)
         self.x = bumpless_transfer.shifted(self.x, by)
         self.watch = safety.FRESH._replace(heat=self.watch.heat)
-        self.asked = held(self.asked.reference - by, self.asked.friction)
+        self.asked = stopped(self.asked, by)
 
     def choose_limits(self, fresh: bool = True) -> None:
         """The limits that hold from now on: travel and braking once the axis is homed.

@@ -23,10 +23,10 @@ class Source:
 
 
 class Hold(Source):
-    """One position, for ever."""
+    """One setpoint, for ever."""
 
-    def __init__(self, position: float, friction: float = 0.0) -> None:
-        self._held = held(position, friction)
+    def __init__(self, setpoint: Setpoint) -> None:
+        self._held = setpoint
 
     def next(self, passed: int) -> Setpoint:
         """The same each time."""
@@ -36,6 +36,14 @@ class Hold(Source):
 def held(position: float, friction: float) -> Setpoint:
     """Stand at `position` (rad | m) with the current (A) that the loaded friction needs."""
     return Setpoint(position, position, 0.0, friction)
+
+
+def stopped(asked: Setpoint, by: float = 0.0) -> Setpoint:
+    """Stand where `asked` has led, on positions that are smaller `by` (rad | m).
+
+    What the encoder's map adds to the reference stays: without it the axis would jump as a motion ends.
+    """
+    return Setpoint(asked.reference - by, asked.target - by, 0.0, asked.friction)
 
 
 def caught(p: Model, position: float, speed: float) -> Setpoint:

@@ -54,6 +54,7 @@ class Status(NamedTuple):
     position: float = 0.0  # rad | m
     speed: float = 0.0
     reference: float = 0.0
+    target: float = 0.0  # what the encoder is to read: the reference, and what the encoder's map adds to it
     error: float = 0.0
     current: float = 0.0  # A
     statusword: float = 0.0

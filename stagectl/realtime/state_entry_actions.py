@@ -13,7 +13,7 @@ from stagectl.drives.limits import SEARCH_TIME
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.axis_data import AxisData
 from stagectl.realtime.homing import DriveSearch, Search
-from stagectl.realtime.setpoint_sources import Hold, Ramp, held
+from stagectl.realtime.setpoint_sources import Hold, Ramp, held, stopped
 from stagectl.realtime.states import POWERED, Event, State
 from stagectl.units import StageError
 
@@ -66,7 +66,7 @@ def _standing(axis: AxisData, old: State) -> None:
         axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.holding)
     axis.choose_limits(fresh=old in (State.ENABLING, State.HOMING, State.DRIVE_HOMING))
     axis.speed = 0.0
-    axis.source = Hold(axis.asked.reference, axis.asked.friction)
+    axis.source = Hold(stopped(axis.asked))
 
 
 def _homing(axis: AxisData, _: State) -> Event | None:

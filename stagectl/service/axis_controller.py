@@ -153,11 +153,17 @@ class AxisController:
     def task(self, name: str, trajectory: Experiment | Upload) -> Task:
         """The task to lay out a motion from where the axis stands; see `planning`."""
         feedforward = self.controller.feedforward
-        here = self.status.reference
         start = Start(stops=relaxed(feedforward.friction)) if self._left is None else self._left
         clock = self.setup.dt * (self.status.cycles - self._cold)  # nobody knows for how long it moved before that
-        start = start._replace(position=here if math.isfinite(here) else 0.0, clock=clock)
+        start = self._standing(start)._replace(clock=clock)
         return Task(name, self._from_here(), feedforward, start, trajectory)
+
+    def _standing(self, start: Start) -> Start:
+        """`start` at the reference, and at what the encoder is held at."""
+        now = self.status
+        if not math.isfinite(now.reference):
+            return start._replace(position=0.0, reading=None)
+        return start._replace(position=now.reference, reading=now.target)
 
     def effects(self) -> dict[str, bool]:
         """The model's effects by dotted place: whether a current answers each; empty without the layer `effects`."""

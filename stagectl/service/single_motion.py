@@ -63,7 +63,8 @@ def starting_at(motion: Motion, position: float) -> Motion:
             "the model has effects that depend on the position, and the drive does not say where the axis stands:"
             " run it with `--without effects`"
         )
-    rows, columns = motion.plan.setpoints.copy(), [law.SETPOINT_COLUMNS[name] for name in ("target", "friction")]
+    rows = motion.plan.setpoints.copy()
+    columns = [law.SETPOINT_COLUMNS[name] for name in ("target", "feedforward", "friction")]
     rows[:, columns] = motion.located(position).setpoints[:, columns]  # the rest is relative, or was learned
     return motion._replace(plan=motion.plan._replace(setpoints=rows))
 

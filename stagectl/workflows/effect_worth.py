@@ -103,8 +103,11 @@ def _followed(running: Running, unanswered: list[str], label: str) -> dict[str, 
 
 
 def _status(running: Running) -> dict[str, Any]:
-    """The axis now."""
-    return client.status_of(running.socket, running.axis)
+    """The axis now.  Raises ControlError where its loop does not say where it stands."""
+    status = client.status_of(running.socket, running.axis)
+    if status["reference"] is None:
+        raise client.ControlError(f"{running.axis}: {status['state_words']}; the comparison is stopped")
+    return status
 
 
 def _compared(runs: dict[str, list[dict[str, float]]], running: Running) -> Result:

@@ -15,6 +15,7 @@ counts alike, by the ratio of its errors.
 
 At the end each effect is left out of the feedforward in turn: that gives its share, see `closing_errors`.  An effect
 without which the error is smaller is dropped from the feedforward (`control.unanswered`); the model keeps it.
+These runs are new ones.  A model that is no better than the first one in them was kept by chance: it goes, too.
 """
 
 from pathlib import Path
@@ -222,24 +223,45 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
     }
     if not rounds:
         return answer
-    effects = tuple(dict.fromkeys(name for done in rounds for name in done.found if name in answered()))
-    errors = tried = _judged(closing, rounds[-1].stage, "judged", shown, effects)
-    dropped = tuple(name for name in effects if smaller(errors, AFTER, f"{WITHOUT}{name}"))
-    if dropped:
-        model = _unanswered(closing, rounds[-1].stage, dropped)
-        shown.say(f"left to the feedback, as the error is smaller without it: {', '.join(map(label, dropped))}")
-        errors = _judged(closing, model, "judged-again", shown, ())
-        answer |= {"dropped": dropped, "model": str(model)}
-    gave = shares(tried, tuple(name for name in effects if name not in dropped), dropped)
+    worth = _worth(closing, rounds, shown)
+    if why := refusal(worth.errors):
+        shown.say(f"new runs: {why}")
+        return _result(closing, rounds[:-1], why, shown)
+    errors = worth.errors
+    gave = shares(worth.tried, tuple(name for name in worth.effects if name not in worth.dropped), worth.dropped)
     return {
         **answer,
+        "dropped": worth.dropped,
+        "model": str(worth.model),
         "errors": errors,
         "shares": {name: one.share for name, one in gave.items()},
         "share_intervals": {name: one.interval for name, one in gave.items()},
         "levels": {name: level(errors, name) for name in (BEFORE, AFTER)},
         "peaks": {name: level(errors, name, "peak") for name in (BEFORE, AFTER)},
-        "foretold": _foretold(closing, Path(answer["model"]), errors, shown),
+        "foretold": _foretold(closing, worth.model, errors, shown),
     }
+
+
+class Worth(NamedTuple):
+    """What the last model is worth on the machine, in runs that did not decide about it."""
+
+    effects: Names  # that its feedforward answers
+    dropped: Names  # those without which the error is smaller
+    model: Path  # without these
+    tried: Errors  # of the model, and of itself without each effect
+    errors: Errors  # of the one without those that are dropped
+
+
+def _worth(closing: Closing, rounds: list[Round], shown: Shown) -> Worth:
+    model, place = rounds[-1].stage, f"judged-{len(rounds)}"
+    effects = tuple(dict.fromkeys(name for done in rounds for name in done.found if name in answered()))
+    tried = _judged(closing, model, place, shown, effects)
+    dropped = tuple(name for name in effects if smaller(tried, AFTER, f"{WITHOUT}{name}"))
+    if not dropped:
+        return Worth(effects, dropped, model, tried, tried)
+    shown.say(f"left to the feedback, as the error is smaller without it: {', '.join(map(label, dropped))}")
+    without = _unanswered(closing, model, dropped)
+    return Worth(effects, dropped, without, tried, _judged(closing, without, f"{place}-again", shown, ()))
 
 
 def _foretold(closing: Closing, model: Path, errors: Errors, shown: Shown) -> dict[str, float]:

@@ -137,7 +137,7 @@ def test_machines_of_the_day_differ_from_the_model_and_from_each_other() -> None
 def test_what_is_only_foretold_takes_no_machine_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recording = SimpleNamespace(column=lambda _: np.array([0.0, 2.0]))
     monkeypatch.setattr(steps, "open_recording", lambda *_, **__: recording)
-    for place in ("identify", "close/judged/sine", "close/foretold/sine"):
+    for place in ("identify", "close/judged-1/sine", "close/foretold/sine"):
         (tmp_path / place).mkdir(parents=True)
         (tmp_path / place / "run.h5").touch()
     assert steps.moved(tmp_path) == 4.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.compensation import model_effects
+from stagectl.compensation import encoder_map, model_effects
 from stagectl.compensation.constants import INVERSE_STEPS
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
@@ -422,4 +422,4 @@ def test_an_encoder_whose_periods_are_known_and_not_its_error_has_no_map(ball_sc
     p = ball_screw.stage
     stated = p._replace(encoder=p.encoder._replace(interpolation=Harmonic(0.0, 2048.0, 0.0)))
     known = p._replace(encoder=p.encoder._replace(interpolation=Harmonic(1e-6, 2048.0, 0.0)))
-    assert not model_effects.present(stated) and not model_effects.mapped(stated) and model_effects.mapped(known)
+    assert not model_effects.present(stated) and not encoder_map.mapped(stated) and encoder_map.mapped(known)

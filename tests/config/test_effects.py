@@ -35,7 +35,8 @@ ADDED = {
   cogging_third: {amplitude: 3 mN m, order: 18}
   cogging_fourth: {amplitude: 2 mN m, order: 24}
   ripple: {amplitude: 1 %, order: 24}
-  ripple_second: {amplitude: 0.5 %, order: 48}""",
+  ripple_second: {amplitude: 0.5 %, order: 48}
+  ripple_third: {amplitude: 0.3 %, order: 4}""",
     "viscous: 0.14 N m s/rad": """
   pitch: 12 mm
   viscous_power: {effort: 10 mN m, speed: 40 rad/s, exponent: 0.67}
@@ -56,6 +57,7 @@ ADDED = {
   load: 2 %
   along: {slope: 0.02 1/rad, bow: 0.001 1/rad^2, centre: 5 mm}
   lead: {amplitude: 5 %}
+  lead_second: {amplitude: 2 %, order: 2}
   ball_pass: {amplitude: 3 %, order: 7.3}
   warming: {rise: 10 %, time: 600 s}
   step: {share: -10 %, at: 3 s}""",
@@ -120,6 +122,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
         "gravity": Harmonic(0.05, 1.0, math.pi / 2.0),
         "ripple": Harmonic(0.01, 24.0, 0.0),
         "ripple_second": Harmonic(0.005, 48.0, 0.0),
+        "ripple_third": Harmonic(0.003, 4.0, 0.0),
         "viscous_warming": Warming(0.3, 600.0),
         "viscous_step": Step(0.1, 2.0),
         "cable": Cable(0.01, 10e-3 * RADIAN, 0.05, 3e-3 * RADIAN),
@@ -129,6 +132,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
         "dwell": Dwell(0.03, 0.1, 4e-6 * RADIAN),
         "along": Along(0.02, 0.001, 5e-3 * RADIAN),
         "lead": Harmonic(0.05, 1.0, 0.0),
+        "lead_second": Harmonic(0.02, 2.0, 0.0),
         "ball_pass": Harmonic(0.03, 7.3, 0.0),
         "warming": Warming(0.1, 600.0),
         "step": Step(-0.1, 3.0),

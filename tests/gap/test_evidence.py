@@ -151,7 +151,7 @@ def test_what_is_left_counts_once_a_half_stroke() -> None:
 def _odds(before: list[float], after: list[float], size: float = 0.01, current: float = 50.0) -> float:
     """Of the effect of `size` whose simulation leaves `after` of each half stroke, over those of its being there."""
     floor, samples = np.full(len(before), 1000.0), np.full(len(before), 5000.0)
-    without, present = (Remains(floor + np.array(left), floor, samples, 50.0) for left in (before, after))
+    without, present = (Remains(floor + np.array(left), floor, samples, (len(left),), 50.0) for left in (before, after))
     effect = next(effect for effect in definitions(SIZE) if effect.name == "dwell")
     valued = EffectValues(effect, {"rise": size * effect.amplitudes[0].typical[0], "time": 0.1, "length": 1e-3})
     p = simulated(valued, without, present._replace(current=current), (0.1, 1.0))
@@ -162,12 +162,19 @@ def test_no_effect_is_more_probable_than_its_simulation_fits() -> None:
     """However well its column explains what the values that are known of the friction leave."""
     assert _odds([1e5] * 100, [1e5] * 100) == pytest.approx(1.0, rel=0.02)
     assert _odds([1e5] * 100, [1e5] * 100, current=49.0) == pytest.approx(math.exp(0.5), rel=0.02)
-    assert _odds([400.0] * 10, [100.0] * 10) == pytest.approx((500.0 / 200.0) ** 5.0, rel=0.02)
+    noise = 100.0 * math.sqrt(10.0)  # of the sum of ten
+    assert _odds([400.0] * 10, [100.0] * 10) == pytest.approx(((noise + 4e3) / (noise + 1e3)) ** 5.0, rel=0.02)
 
 
 def test_no_half_stroke_decides_alone() -> None:
     assert _odds([1e6, *[0.0] * 99], [0.0] * 100) < 1.0 / INCLUSION**1.3
     assert _odds([1e6, *[100.0] * 9], [0.0, *[200.0] * 9]) < 20.0
+
+
+def test_half_strokes_that_err_alike_count_by_their_sum() -> None:
+    """Four of ten have the error that an effect explains, the others have another one."""
+    alike, alone = 60e3 / 15e3, 101.0 / 11.0  # ratios of the sums, and of what each of them leaves
+    assert alone**2.5 < _odds([1e4, 2e3] * 5, [1e3, 2e3] * 5) < alike**5.0
 
 
 def test_a_size_that_is_seldom_needs_a_better_fit() -> None:

@@ -109,14 +109,23 @@ RUBBING = """\
 """
 
 
-def test_a_ripple_of_what_the_current_gives_is_named_by_its_line(tmp_path: Path) -> None:
-    """Next to an unknown Stribeck friction it is too little for the evidence of all that is missing."""
-    ripples = "\n  ripple: {amplitude: 0.012, order: 24, phase: 60 deg}"
+def test_a_ripple_of_what_the_current_gives_is_named_by_its_lines(tmp_path: Path) -> None:
+    """Next to an unknown Stribeck friction it is too little for the evidence of all that is missing.
+
+    Its second harmonic is a part of it, and no pass of balls.
+    """
+    ripples = "".join(
+        f"\n  {place}: {{amplitude: {size}, order: {order}, phase: 60 deg}}"
+        for place, size, order in (("ripple", 0.012, 24), ("ripple_second", 0.008, 40))
+    )
     text = (CONFIG / "ball-screw.yaml").read_text().replace("N m/A", f"N m/A{ripples}").replace(SCREW, RUBBING)
     named = _named(_of_machine(tmp_path, "ball-screw", text, "rad", 40))
     ripple = named["current_ripple"]
     assert ripple.probability > 0.9 and ripple.parameters["order"].value == 24.0
-    assert dict(ripple.fields)["motor.ripple.amplitude"] == pytest.approx(0.012, rel=0.2)
+    fields = dict(ripple.fields)
+    assert fields["motor.ripple.amplitude"] == pytest.approx(0.012, rel=0.2)
+    assert fields["motor.ripple_second.amplitude"] == pytest.approx(0.008, rel=0.2)
+    assert fields["motor.ripple_second.order"] == pytest.approx(40.0)
     assert not {"ball_pass_ripple", "cogging", "cogging_map"} & set(named)
 
 

@@ -28,7 +28,8 @@ def drive(p: stage.Drive) -> stage.Drive:
 def motor(p: stage.Motor) -> stage.Motor:
     cogs = p._replace(cogging=Harmonic(0.02, 6.0, 0.3), cogging_second=Harmonic(0.01, 12.0, 0.1))
     cogs = cogs._replace(cogging_third=Harmonic(0.003, 18.0, 0.2), cogging_fourth=Harmonic(0.002, 24.0, 0.1))
-    return cogs._replace(ripple=Harmonic(0.01, 24.0, 0.0), ripple_second=Harmonic(0.005, 48.0, 0.0))
+    rippled = cogs._replace(ripple=Harmonic(0.01, 24.0, 0.0), ripple_second=Harmonic(0.005, 48.0, 0.0))
+    return rippled._replace(ripple_third=Harmonic(0.003, 4.0, 0.0))
 
 
 def mechanics(p: stage.Mechanics, transmission: Transmission) -> stage.Mechanics:
@@ -41,6 +42,7 @@ def mechanics(p: stage.Mechanics, transmission: Transmission) -> stage.Mechanics
 
 def friction(p: stage.Friction) -> stage.Friction:
     placed = p._replace(along=Along(0.02, 0.01, 0.1), lead=Harmonic(0.05, 1.0, 0.2), ball_pass=Harmonic(0.03, 7.3, 0.4))
+    placed = placed._replace(lead_second=Harmonic(0.02, 2.0, 0.1))
     timed = placed._replace(warming=Warming(0.1, 600.0), step=Step(0.1, 0.05), dwell=Dwell(0.03, 0.1))
     rising = p.stribeck._replace(rise=0.2, velocity=1.0, shape=1.5)
     return timed._replace(stribeck=rising, lag=5e-3, asymmetry=0.05, load=0.02)

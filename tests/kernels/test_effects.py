@@ -386,7 +386,7 @@ def test_friction_with_every_effect_never_gives_out_energy(ball_screw: Setup, br
         dx = 5e-5 * velocity
         position += dx
         place = drift * friction_effects.place_factor(
-            p.friction.along, p.friction.lead, p.friction.ball_pass, (position, position)
+            p.friction.along, p.friction.lead, p.friction.lead_second, p.friction.ball_pass, (position, position)
         )
         limits = friction_effects.limits(held, contact, velocity, place, 3.0 * rng.normal())
         force = friction.stops_between(p.friction.operators, x.stops, dx, limits.low, limits.high)

@@ -14,6 +14,7 @@ from stagectl.drives.brake import Brake
 from stagectl.drives.drive import DriveError, Fault, Feedback, Power
 from stagectl.drives.homing import Homing
 from stagectl.drives.simulated import Plant, Simulated
+from stagectl.kernels.effects import Harmonic
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.shared_memory import REFUSED, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State
@@ -222,6 +223,28 @@ def test_a_move_arrives_and_the_next_one_goes_on_without_a_bump(ball_screw: Setu
     assert np.sum(second) > 100
     assert np.max(np.abs(rows["error"][second])) * scale < 3e-7
     assert np.max(np.abs(rows["error"])) * scale > 1e-8
+
+
+def test_an_axis_with_a_map_comes_to_a_place_from_both_sides_and_stays_there(ball_screw: Setup) -> None:
+    """A place is where the encoder shows it plus its error there; the target jumps neither at an end nor at a start."""
+    wave = Harmonic(0.005, 1.0, 0.3)  # rad: 10 um of the table
+    known = ball_screw.stage._replace(encoder=ball_screw.stage.encoder._replace(eccentricity=wave))
+    bench = Bench(ball_screw._replace(stage=known))
+    bench.to(State.STANDING)
+    places, there = (1.0, 4.0, 1.0), []
+    for place in places:
+        distance = (place - bench.manned.status.reference) * ball_screw.file.axis.travel_per_unit
+        assert bench.order(bench.manned.start(laid_out(bench.manned.move(distance, None, None)), 1))
+        bench.until(State.STANDING)
+        bench.manned.finished(True)
+        bench.run(200)
+        there.append(bench.axis.seen.position)
+    step = 2.0 * ball_screw.stage.encoder.step
+    assert there == pytest.approx([place + 0.005 * math.sin(place + 0.3) for place in places], abs=step)
+    rows = bench.rows()
+    stands = rows["state"] == State.STANDING
+    jumps = np.abs(np.diff(rows["target"] - rows["reference"]))[stands[1:] | stands[:-1]]
+    assert len(jumps) > 600 and np.max(jumps) < step
 
 
 def test_a_stop_in_mid_motion_holds_where_it_ends(ball_screw: Setup) -> None:

@@ -2,7 +2,7 @@
 
 from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
-from stagectl.gap.effects.stage_changes import added, delayed, harmonic, harmonic_parameters, put, sized
+from stagectl.gap.effects.stage_changes import added, delayed, harmonic_parameters, put, sized, with_double
 from stagectl.kernels.stage import Stage
 
 _PER_TURN, _PER_PERIOD = grids.ENCODER_ERRORS
@@ -77,16 +77,7 @@ def _interpolation(s: Scales) -> Parameters | None:
     orders = (s.periods,) if s.periods else s.orders.get("encoder_interpolation", ())
     if not orders:
         return None
-    size, order = _PER_PERIOD * s.pitch, Shape("order", "", orders, False)
-    pairs = tuple(
-        Amplitude(f"{nth}{part}", "rad | m", (size,)) for nth in ("", "second_") for part in ("sine", "cosine")
-    )
-
-    def apply(p: Stage, v: Values) -> Stage:
-        second = {"sine": v["second_sine"], "cosine": v["second_cosine"], "order": 2.0 * v["order"]}
-        return harmonic("encoder.interpolation_second")(harmonic("encoder.interpolation")(p, v), second)
-
-    return Parameters(pairs, (order,), apply)
+    return with_double("encoder.interpolation", "rad | m", _PER_PERIOD * s.pitch, orders)
 
 
 PARAMETERS: dict[str, ParametersOf] = {

@@ -30,7 +30,9 @@ LOAD_SHARE = 0.3  # typical, of the moving inertia
 BASE_RATIO = 0.05  # typical, of the moving mass over that of the base
 SAME_FREQUENCY = 0.05  # relative distance below which a frequency of the grid is one that the logs show
 _ARCSECOND = 7.7e-7  # of a pitch of one turn
-ENCODER_ERRORS = (30.0 * _ARCSECOND, 3.0 * _ARCSECOND)  # of a pitch: once per turn, once per signal period
+# Of a pitch: once per turn, once per signal period.  Catalogues of motor encoders say 20 to 60 arcsec once per turn for
+# optical ones, up to 500 for inductive ones and more for magnetic ones.
+ENCODER_ERRORS = (60.0 * _ARCSECOND, 3.0 * _ARCSECOND)
 COGGING_OF_EFFORT = 0.1  # of the largest effort: typical cogging of a bare motor, whose friction is smaller than it
 HIGHEST = 2500.0  # Hz, of any resonance
 

@@ -7,6 +7,7 @@ from stagectl.gap.effects import grids
 from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, Values
 from stagectl.gap.effects.stage_changes import (
     Change,
+    comb,
     coulomb,
     filled,
     harmonic,
@@ -22,6 +23,7 @@ from stagectl.kernels.stage import Stage
 
 _EFFORT, _STIFFNESS = "N m | N", "N m/rad | N/m"
 _COGGING = ("motor.cogging", "motor.cogging_second", "motor.cogging_third", "motor.cogging_fourth")
+_RIPPLE = ("motor.ripple", "motor.ripple_second", "motor.ripple_third")
 _TRANSMISSION = ("load_share", "load_friction", "resonance", "damping")
 
 
@@ -135,17 +137,13 @@ def _cogging_map(s: Scales) -> Parameters | None:
     if not s.orders.get("cogging"):
         return None
     size = max(0.02 * s.coulomb, grids.COGGING_OF_EFFORT * s.force_constant * s.current)
-    pairs = [Amplitude(f"{part}_{k}", _EFFORT, (size,)) for k in range(1, 5) for part in ("sine", "cosine")]
-    multiples = [Shape(f"multiple_{k}", "", (float(k),), False) for k in range(2, 5)]
-    lowest, origin = _cogging_order(s)
+    return comb(_COGGING, Amplitude("", _EFFORT, (size,)), *_cogging_order(s))
 
-    def apply(p: Stage, v: Values) -> Stage:
-        for k, place in enumerate(_COGGING, 1):
-            order = v["order"] * (v[f"multiple_{k}"] if k > 1 else 1.0)
-            p = harmonic(place, origin)(p, {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": order})
-        return p
 
-    return Parameters(tuple(pairs), (lowest, *multiples), apply)
+def _current_ripple(s: Scales) -> Parameters:
+    """Three harmonics of the pole pairs: of the back-EMF's form, of the current sensors' offsets, of their gains."""
+    order = Shape("order", "", s.orders.get("current_ripple", ()), False)
+    return comb(_RIPPLE, Amplitude("", "", (0.01,), -0.2, 0.2), order)
 
 
 def _gravity(s: Scales) -> Parameters | None:
@@ -169,7 +167,7 @@ PARAMETERS: dict[str, ParametersOf] = {
     "cogging": _cogging,
     "cogging_map": _cogging_map,
     "gravity": _gravity,
-    "current_ripple": lambda s: harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ()), 0.2),
+    "current_ripple": _current_ripple,
     "viscous_nonlinear": _viscous_nonlinear,
     "viscous_asymmetry": sized(Amplitude("size", "", (0.1,), -0.9, 0.9), "mechanics.viscous_asymmetry"),
     "thermal_viscous": warming("mechanics.viscous_warming", "viscous", 0.2),

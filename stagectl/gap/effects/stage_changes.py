@@ -1,7 +1,7 @@
 """Changes of a stage model that effects are made of."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,37 @@ def harmonic_parameters(
     """Sine and cosine of typically `size`, at `most` so large, at each of the `orders`, of the Harmonic at `place`."""
     pair = tuple(Amplitude(part, unit, (size,), -most, most) for part in ("sine", "cosine"))
     return Parameters(pair, (Shape("order", "", orders, False),), harmonic(place))
+
+
+def with_double(place: str, unit: str, size: float, orders: tuple[float, ...], most: float = math.inf) -> Parameters:
+    """`harmonic_parameters` at `place`, and as many of twice the order at ``place_second``."""
+    wave = harmonic_parameters(place, unit, size, orders, most)
+    double = tuple(amplitude._replace(name=f"second_{amplitude.name}") for amplitude in wave.amplitudes)
+    change = harmonic(f"{place}_second")
+
+    def apply(p: Stage, v: Values) -> Stage:
+        second = {"sine": v["second_sine"], "cosine": v["second_cosine"], "order": 2.0 * v["order"]}
+        return change(wave.apply(p, v), second)
+
+    return wave._replace(amplitudes=(*wave.amplitudes, *double), apply=apply)
+
+
+def comb(places: Sequence[str], size: Amplitude, order: Shape, origin: float = 0.0) -> Parameters:
+    """Sine and cosine of a wave at the first of `places`, and of multiples of its order at the others.
+
+    Each is like `size`.  The angle counts from the `origin` (rad | m).
+    """
+    numbers = range(1, len(places) + 1)
+    pairs = tuple(size._replace(name=f"{part}_{k}") for k in numbers for part in ("sine", "cosine"))
+    multiples = tuple(Shape(f"multiple_{k}", "", (float(k),), False) for k in numbers[1:])
+
+    def apply(p: Stage, v: Values) -> Stage:
+        for k, place in zip(numbers, places, strict=True):
+            whole = v["order"] * (v[f"multiple_{k}"] if k > 1 else 1.0)
+            p = harmonic(place, origin)(p, {"sine": v[f"sine_{k}"], "cosine": v[f"cosine_{k}"], "order": whole})
+        return p
+
+    return Parameters(pairs, (order, *multiples), apply)
 
 
 def warming(place: str, parameter: str, size: float) -> ParametersOf:

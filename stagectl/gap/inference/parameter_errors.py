@@ -215,12 +215,16 @@ def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Erro
 
 
 def _beside_friction(e: Evidence, residuals: list[list[Array]]) -> Remains:
-    """What is left of `residuals` in each half stroke, where all parameters but those of the friction may follow."""
+    """What is left of `residuals` in each half stroke, where all parameters but those of the friction may follow.
+
+    A rolling zone shows at each reversal: every half stroke counts by itself.
+    """
     own = [name for name in refine.nuisances(e) if name in UNITS]
     g = gram_matrices.grams(gram_matrices.selected(e.base.products, own), residuals)
     fit = least_squares.fit(g.effort.sum(axis=0), g.places(own))
     left = np.append(-fit.amplitude, 1.0)
-    return Remains((g.effort @ left) @ left, g.floor[:, 0], linearised.samples(e), 0.0)
+    samples = linearised.samples(e)
+    return Remains((g.effort @ left) @ left, g.floor[:, 0], samples, (1,) * len(samples), 0.0)
 
 
 def of_force(known: Sequence[Shift]) -> list[Shift]:

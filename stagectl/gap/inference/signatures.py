@@ -59,7 +59,8 @@ class Signatures(NamedTuple):
 
 def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> Signatures:
     """The drive's effects on single commands; none where no current is measured along with the command."""
-    candidates, most = [_saturated(session)], math.inf
+    clipped = any(valued.effect.name in constants.CLIPPING for valued in now.effects)  # which holds the current, too
+    candidates, most = [] if clipped else [_saturated(session)], math.inf
     if is_measured(e.runs) and all(log.exact for run in e.runs for log in run.logs):
         runs = missing_currents(now.equipped, e)
         logs = [log for run in runs for log in run]

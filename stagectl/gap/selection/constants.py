@@ -24,6 +24,7 @@ WIDEST = 3.0  # times its value or its typical size: what is known of an effect 
 # at 0, 0.70 and 4 at 0.05, 0.59 and 2 at 0.1, 0.56 and 2 at 0.2.  On 16 unseen ones the whole diagnosis finds one
 # effect more at 0.1, and names three that are not there.
 IMMATERIAL = 0.15
+SCALE_RANGE = 1e3  # of an error of form over the noise, within which its scale is unknown; chosen
 BENT = 0.25  # of the size at which a column was taken that bends with it; chosen.  How far the column is believed.
 SHAPE = 0.5  # of its value: standard deviation of a refined shape; chosen.  Decides intervals, no name.
 # Of the typical size: where the fitted amplitude is smaller, its column is taken at the typical one; chosen.  No name.

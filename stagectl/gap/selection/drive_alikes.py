@@ -38,19 +38,28 @@ def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:
     """`now` with that of two scales, and of two offsets, of the current which leaves the base nearer to its nominal.
 
     They explain the same.  The other scale needs inertia and all friction off by the same factor, the other offset a
-    constant force against the current that it gives.
+    constant force against the current that it gives.  Where they are about as near, it is the one of fewer parameters:
+    how far the nominal values of a stage are off nobody knows, so that the ratio of two distances is what counts.
     """
 
     def nearer(others: Sequence[Fitted], *names: str) -> Fitted:
         known = [name for name in names if name in refine.nuisances(e)]
-        return min([now, *others], key=lambda fitted: e.base.prior.cost(fitted.model, known))
+        cost = {id(fitted): e.base.prior.cost(fitted.model, known) for fitted in (now, *others)}
+        most = min(cost.values()) * constants.COMPARABLE ** (-2.0 / max(len(known), 1))
+        return min(
+            (fitted for fitted in (now, *others) if cost[id(fitted)] <= most),
+            key=lambda fitted: (sum(len(valued.effect.amplitudes) for valued in fitted.effects), cost[id(fitted)]),
+        )
 
     now = nearer(other_scales(e, library, now), "inertia", "viscous")  # known best: friction has a form
     return nearer(_other_offsets(e, now), "bias")
 
 
 def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
-    """`now` with the other scale of the current, last, in the place of the one that it has; none where it is worse."""
+    """`now` with the other scale of the current, last, in the place of the one that it has; none where it is worse.
+
+    The noise of the current is one of the efforts, which the other side may make larger.
+    """
     scales = [valued for valued in now.effects if valued.effect.name in constants.SCALING]
     if len(scales) != 1:
         return []
@@ -58,7 +67,9 @@ def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
     others = [form for form in library.forms if form.effect.name in {*constants.SCALING} - {scale.effect.name}]
     sides = [EffectValues(form.effect, form.values(_opposed(scale, form))) for form in others]
     tried = [refine.refine(e, e.base.model, [*rest, side]) for side in sides]
-    most = now.residual_sum_of_squares * (1.0 + AS_CLOSE)
+    gain = 1.0 + scale.values[scale.effect.amplitudes[0].name]
+    larger = max(gain if scale.effect.name == constants.SCALING[0] else 1.0 / gain, 1.0)
+    most = now.residual_sum_of_squares * (1.0 + AS_CLOSE) * larger**2
     return [fitted for fitted in tried if fitted.residual_sum_of_squares <= most]
 
 

@@ -86,13 +86,16 @@ def _of_kin(valued: EffectValues, other: EffectValues) -> bool:
 def _with_rival(e: Evidence, library: Library, selection: Selection) -> Fitted | None:
     """The fit with a rival in the place of an effect, where it is then far more probable; None where none is.
 
-    Rivals are comparable around the model.  How much each explains its own fit tells.
+    Rivals are comparable around the model.  How much each explains its own fit tells, but of two scales of the current:
+    between them the base decides.
     """
     now, left = selection.fitted, sum(selection.left)
     power = temper(left, linearised.strokes(e))
     for valued in now.effects:
         rest = [other for other in now.effects if other is not valued]
         for rival in selection.rivals.get(valued.effect.name, {}).values():
+            if {valued.effect.name, rival.effect.name} <= {*constants.SCALING}:
+                continue
             fitted = refine.refine(e, now.model, [*rest, rival])
             if 0.5 * power * (left - sum(linearised.excess(e, library, fitted))) > -math.log(constants.COMPARABLE):
                 return fitted
@@ -117,9 +120,9 @@ def _in_the_place_of(
 
 
 def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
-    """What is established of the other effects, without the effect `name`."""
+    """What is established of the other effects, without the effect `name`: with it another of two alikes was nearer."""
     say(f"dropped {name}")
-    return established(e, library, refitted_without(e, now, {name}), say)
+    return established(e, library, drive_alikes.nearest(e, library, refitted_without(e, now, {name})), say)
 
 
 def is_trace(valued: EffectValues) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, gammaln
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.logs.session import Array
@@ -48,6 +48,7 @@ class Remains(NamedTuple):
     strokes: Array  # (c,) sum of squares of the residual effort, of each half stroke
     floor: Array  # (c,) what of it repeats differ by
     samples: Array  # (c,) that count, of all repeats
+    experiments: tuple[int, ...]  # half strokes of each, in their order
     current: float  # sum of squares of the missing current
     excess: Cuts = (0.0, 0.0)  # sum of squares above the floor
 
@@ -140,12 +141,17 @@ def remains(e: Evidence, library: Library, now: Fitted) -> Remains:
     g = gram_matrices.grams(known(e, library, now), now.residuals)
     nuisances, current = parameters(e, now, g), float(g.current[:, -1, -1].sum())
     effort, left = _strokes_left(g.effort, nuisances), left_of(g, nuisances, library.products, now)
-    return Remains(effort, g.floor[:, 0], samples(e), current, left)
+    return Remains(effort, g.floor[:, 0], samples(e), experiments(e), current, left)
 
 
 def samples(e: Evidence) -> Array:
     """(c,) How many of each half stroke count, of all repeats."""
     return np.concatenate([half_strokes.samples(run) for run in e.runs])
+
+
+def experiments(e: Evidence) -> tuple[int, ...]:
+    """The number of half strokes of each experiment."""
+    return tuple(len(half_strokes.samples(run)) for run in e.runs)
 
 
 def simulated(valued: EffectValues, without: Remains, present: Remains, powers: Cuts) -> float:
@@ -161,14 +167,38 @@ def simulated(valued: EffectValues, without: Remains, present: Remains, powers: 
 def gain_of_strokes(without: Remains, present: Remains) -> float:
     """Twice the log of a likelihood ratio, from the residual effort.
 
-    The friction's error of form differs from one half stroke to the next, and nobody knows by how much: each of them
-    counts by the ratio of what it leaves, so that none decides alone.  That is the likelihood of a Gaussian error of
-    unknown scale, one for each half stroke.
+    How large the friction's error of form is, nobody knows: what is left counts by its ratio, as in the likelihood of a
+    Gaussian error of unknown scale.  The half strokes of an experiment have one scale, or each has its own, as far as
+    what is left without says so: where one of them has it all, that one does not decide alone.
     """
     floor = np.minimum(without.floor, present.floor)  # an effect that drifts is no noise
     unsure = np.sqrt(2.0 * np.maximum(present.samples, 1.0))  # standard deviation of the noise's sum of squares
-    before, after = (np.log1p(np.maximum(left.strokes - floor, 0.0) / unsure) for left in (without, present))
-    return float(np.sum(before - after))
+    ends = np.cumsum(present.experiments)[:-1]
+    each = (np.split(values, ends) for values in (without.strokes - floor, present.strokes - floor, unsure))
+    return 2.0 * sum(map(_gain, *each))
+
+
+def _gain(before: Array, after: Array, unsure: Array) -> float:
+    """Expected log of the likelihood ratio from what is left above the noise in the half strokes (n,) of an experiment.
+
+    The noise makes it `unsure` by so much.  In a sum over half strokes that averages out.
+    """
+    half, noise = 0.5 * len(before), float(np.linalg.norm(unsure))
+    first, then = (1.0 + np.maximum(left, 0.0) / unsure for left in (before, after))
+    whole, rest = (noise + max(float(left.sum()), 0.0) for left in (before, after))
+    alike = _alike(first)
+    return alike * half * math.log(whole / rest) + (1.0 - alike) * 0.5 * float(np.log(first / then).sum())
+
+
+def _alike(left: Array) -> float:
+    """Probability that what is `left` in each half stroke (n,), in units of the noise, has one scale.
+
+    The scales are integrated out by Jeffreys' prior, each over the same range.
+    """
+    half, range_of_one = 0.5 * len(left), math.log(2.0 * math.log(constants.SCALE_RANGE))
+    common = float(gammaln(half)) - half * math.log(math.pi * float(left.sum())) - range_of_one
+    alone = -0.5 * float(np.log(left).sum()) - len(left) * range_of_one
+    return float(expit(common - alone))
 
 
 def known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products:

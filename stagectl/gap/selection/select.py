@@ -45,6 +45,7 @@ def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
             _with_more(e, library, now, tried)
             or _with_small(e, library, now, tried)
             or waves.with_wave(e, library, now)
+            or _with_bent(e, library, now, tried)
         )
         if after is None:
             break
@@ -142,14 +143,32 @@ def _first_of(
 def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
     """`now` with effects of whatever size that explain most of what is missing; None where nothing is or does.
 
-    Two may be missing, each about as much: either alone explains too little, so the most probable set comes first.
+    Two may be missing, each about as much: either alone explains too little, so the most probable set comes first.  Its
+    effects of the drive may explain the missing current, whatever is missing in the mechanics.
     """
     at = linearised.linearised(e, library, now, traces=False)
     sets, predicted = at.verdict.of_sets(), library.predict(e, now).cuts
-    single = next((item for item in sets if len(item) == 1), frozenset[str]())
-    for effects in dict.fromkeys((next(iter(sets)), single)):
+    best, single = next(iter(sets)), next((item for item in sets if len(item) == 1), frozenset[str]())
+    drive = frozenset(name for name in best if EFFECTS[name].block == DRIVE)
+    for effects in dict.fromkeys((best, single, drive)):
         fitted = _fitted(e, now, at, effects, predicted, tried) if sets.get(effects, 0.0) > at.empty else None
         if fitted is not None and _explain(e, library, now, fitted, at, predicted):
+            return _that_stands(e, library, now, fitted)
+    return None
+
+
+def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
+    """`now` with the effect whose column bends that explains most of what is missing; None where none does.
+
+    Around the model without it such a column may promise nothing.  Fits take long: only where more than the noise is
+    missing, and an unknown would be said.
+    """
+    missing = linearised.excess(e, library, now)
+    if max(missing) <= refine.floor(e):
+        return None
+    fits = [refine.refine(e, now.model, [*now.effects, start]) for start in tried()]
+    for fitted in sorted(fits, key=lambda fitted: fitted.residual_sum_of_squares):
+        if explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):
             return _that_stands(e, library, now, fitted)
     return None
 

@@ -19,7 +19,8 @@ from stagectl.gap.selection.material import without
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 SINGLE, MAP, ENCODER = constants.WAVES
-MULTIPLES = ("multiple_2", "multiple_3", "multiple_4")  # parameters of a map
+RIPPLE, _ = constants.RIPPLES
+MULTIPLES = ("multiple_2", "multiple_3", "multiple_4")  # parameters of a map; a ripple has the first two
 
 
 class Wave(NamedTuple):
@@ -66,23 +67,45 @@ def _with_ripple(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
 
     A further line of the motor is one of its own harmonics, and no ball pass.
     """
-    present = {valued.effect.name for valued in now.effects}
-    forms = [form for form in library.forms if form.effect.name in {*constants.RIPPLES} - present]
-    if not forms:
-        return None
-    found = _lines(e, now, constants.RIPPLES[0])
+    found = _lines(e, now, RIPPLE)
     line = found.strongest(constants.LINE)
     if line is None:
         return None
+    own = next((valued for valued in now.effects if valued.effect.name == RIPPLE), None)
+    others = [valued for valued in now.effects if valued is not own]
+    tried = [[*now.effects, each] for each in _fresh_ripples(library, now, line)]
+    if own is not None and line.is_integer():
+        tried += [[*others, each] for each in _further_harmonic(e, now, own, line)]
+    return _that_explains(e, now, tried, found, [line])
+
+
+def _fresh_ripples(library: Library, now: Fitted, line: float) -> list[EffectValues]:
+    """The ripples with this `line` that `now` does not have."""
+    present = {valued.effect.name for valued in now.effects}
+    forms = [form for form in library.forms if form.effect.name in {*constants.RIPPLES} - present]
     fresh = {
-        form.effect.name: EffectValues(form.effect, {**form.values(form.typical), "order": line}) for form in forms
+        form.effect.name: EffectValues(form.effect, {**form.values([0.0] * len(form.typical)), "order": line})
+        for form in forms
     }
-    possible = (
+    return [
         each
         for name, each in fresh.items()
-        if (line.is_integer() or name != constants.RIPPLES[0]) and not of_the_motor(each, now.effects)
+        if (line.is_integer() or name != RIPPLE) and not of_the_motor(each, now.effects)
+    ]
+
+
+def _further_harmonic(e: Evidence, now: Fitted, ripple: EffectValues, line: float) -> list[EffectValues]:
+    """The `ripple` of `now` with the `line` in the place of a harmonic that has none; nothing where all have one."""
+    values, (_, *further) = ripple.values, _harmonics(ripple)
+    free = (
+        (name, pair)
+        for name, (order, pair) in zip(MULTIPLES, further, strict=False)
+        if _line_without(e, now, ripple, order, pair)[0] < constants.LINE
     )
-    return _that_explains(e, now, [[*now.effects, each] for each in possible], found, [line])
+    return [
+        EffectValues(ripple.effect, {**values, **dict.fromkeys(pair, 0.0), name: line / values["order"]})
+        for name, pair in free
+    ][:1]
 
 
 def _that_explains(
@@ -116,12 +139,12 @@ def _divisor(found: Lines, line: float) -> int:
 
 
 def _wave_of(library: Library, comb: _Comb, waves: Sequence[EffectValues]) -> list[EffectValues]:
-    """The wave of a `comb`, from the values of the single one that is there."""
+    """The wave of a `comb`, from the values of the single one that is there; of the rest, the fit finds them."""
     wanted = MAP if comb.multiples else SINGLE
     form = next((form for form in library.forms if form.effect.name == wanted), None)
     if form is None:
         return []
-    values = {**form.values(form.typical), "order": comb.order}
+    values = {**form.values([0.0] * len(form.typical)), "order": comb.order}
     if comb.multiples:
         others = [k for k in range(2, 2 + 2 * len(MULTIPLES)) if k not in comb.multiples]
         values |= dict(zip(MULTIPLES, map(float, [*comb.multiples, *others]), strict=False))
@@ -165,9 +188,9 @@ def wave(e: Evidence, now: Fitted, valued: EffectValues) -> Wave | None:
 def _harmonics(valued: EffectValues) -> list[tuple[float, tuple[str, str]]]:
     """The order of each harmonic, and the names of its sine and cosine."""
     values = valued.values
-    if valued.effect.name != MAP:
+    if MULTIPLES[0] not in values:
         return [(values["order"], ("sine", "cosine"))]
-    orders = [values["order"], *(values["order"] * values[name] for name in MULTIPLES)]
+    orders = [values["order"], *(values["order"] * values[name] for name in MULTIPLES if name in values)]
     return [(order, (f"sine_{k}", f"cosine_{k}")) for k, order in enumerate(orders, 1)]
 
 

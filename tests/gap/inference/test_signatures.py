@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,6 +46,17 @@ def test_steps_that_only_the_model_has_are_no_effect() -> None:
 @pytest.mark.parametrize("gain", [0.0, 0.03])
 def test_noise_and_a_wrong_gain_are_no_steps(gain: float) -> None:
     assert signatures.quantised(DRIVE, _logs(0.0, gain)) is None
+
+
+@pytest.mark.parametrize(("name", "found"), [("voltage_saturation", []), ("cogging", ["current_saturation"])])
+def test_a_plateau_behind_a_limit_of_the_voltage_is_no_limit_of_the_current(
+    name: str, found: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(signatures, "plateau", lambda _: SimpleNamespace(current=16.5, spread=3.0, gain=False))
+    monkeypatch.setattr(signatures, "is_measured", lambda _: False)
+    nothing: Any = SimpleNamespace(runs=())
+    now: Any = SimpleNamespace(effects=(SimpleNamespace(effect=SimpleNamespace(name=name)),))
+    assert [each.name for each in signatures.signatures(nothing, nothing, now, ()).found] == found
 
 
 def _jittering(size: float) -> list[list[MissingCurrent]]:

@@ -44,6 +44,10 @@ FALL = 4e3 * UM  # rad/s, Stribeck velocity
 COGGED = {"order": 7.0, "multiple_2": 2.0, "multiple_3": 3.0, "multiple_4": 4.0} | {
     f"{part}_{k}": 0.02 / k * (part == "sine") for k in range(1, 5) for part in ("sine", "cosine")
 }
+LEAD = {"sine": 0.05, "cosine": 0.0, "second_sine": 0.0, "second_cosine": 0.0, "order": 1.0}
+RIPPLE = {"order": 8.0, "multiple_2": 2.0, "multiple_3": 3.0} | {
+    f"{part}_{k}": 0.02 * (part == "sine" and k == 1) for k in range(1, 4) for part in ("sine", "cosine")
+}
 UNEVEN = {"gain": -0.1, "gain_asymmetry": 0.04, "offset": 0.0, "directed_offset": 0.1}
 WARMING = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 420.0, 540.0)  # s
 
@@ -117,7 +121,7 @@ def _friction() -> tuple[Scene, ...]:
 def _place() -> tuple[Scene, ...]:
     return (
         _scene("position_friction", "scan-slow", "position", {"slope": 0.15 / SIZES.stroke, "bow": 0.0}),
-        _scene("lead_friction", "scan-slow", "turn", {"sine": 0.05, "cosine": 0.0, "order": 1.0}),
+        _scene("lead_friction", "scan-slow", "turn", LEAD),
         _scene(
             "ball_pass_ripple",
             "scan-slow",
@@ -128,7 +132,7 @@ def _place() -> tuple[Scene, ...]:
         _scene("cogging", "scan-slow", "turn", {"sine": 0.02, "cosine": 0.0, "order": 8.0}),
         _scene("cogging_map", "scan-slow", "turn", COGGED),
         _scene("gravity", "scan-slow", "turn", {"sine": 0.3, "cosine": 0.0, "order": 1.0}),
-        _scene("current_ripple", "scan-at-two-loads", "turn", {"sine": 0.02, "cosine": 0.0, "order": 8.0}),
+        _scene("current_ripple", "scan-at-two-loads", "turn", RIPPLE),
         _scene("cable_spring", "scan-slow", "position", {"stiffness": 0.1 / SIZES.stroke, "centre": SIZES.centre}),
         _scene("cable_hysteresis", "strokes", "since", {"effort": 0.1, "slip": 1e3 * UM}),
     )
