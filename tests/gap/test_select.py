@@ -89,6 +89,20 @@ def test_two_that_are_missing_alike_are_found_together(monkeypatch: pytest.Monke
     assert grown is not None and tuple(grown.effects) == added
 
 
+def test_the_drive_of_the_best_set_may_explain_the_missing_current_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a cable that leaves most of what is missing in the mechanics, the whole set does not stand."""
+    drive, cable = frozenset({"dead_time", "current_loop"}), frozenset({"cable_hysteresis"})
+    sets = {drive | cable: 0.7, cable: 0.1, drive: 0.01, frozenset[str](): 1e-9}
+    at = SimpleNamespace(verdict=SimpleNamespace(of_sets=lambda: sets), empty=1e-9)
+    now = cast("Any", SimpleNamespace(effects=()))
+    monkeypatch.setattr(linearised, "linearised", lambda *_, **__: at)
+    monkeypatch.setattr(select, "_fitted", lambda _, __, ___, effects, *____: effects)
+    monkeypatch.setattr(select, "_explain", lambda _, __, ___, fitted, *____: fitted == drive)
+    monkeypatch.setattr(select, "_that_stands", lambda _, __, ___, fitted: fitted)
+    library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
+    assert cast("Any", select._with_small(cast("Any", None), library, now, lambda: ())) == drive
+
+
 @pytest.mark.parametrize(
     ("name", "refined", "fitted"), [("compliance", 0.9, True), ("compliance", 0.1, False), ("cable_spring", 0.9, False)]
 )
