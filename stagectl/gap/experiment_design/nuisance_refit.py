@@ -99,13 +99,15 @@ def refitted_distance(run: PlannedRun, p: Linearised, free: Sequence[Nuisance], 
     """Distance (sigma) of `truth` from the best refit of `p`: Gauss-Newton, its slopes updated by Broyden's rule.
 
     Zero where nearly all of it is hidden: around standstill a prediction is no smooth function of its nuisances, and
-    a refit stops short of the last per cent.
+    a refit stops short of the last per cent.  Where a nuisance takes the axis from its loop, no refit is possible.
     """
     place, value, slopes = np.zeros(len(p.slopes)), p.value, p.slopes.copy()
     whole = float(np.linalg.norm(truth - value))
     best, share = whole, 1.0
     for _ in range(thresholds.REFIT_STEPS):
         step = share * _step(slopes, truth - value)
+        if not np.isfinite(step).all():
+            break
         after = predict(run, _moved(p.model, free, place + step), (place + step)[-1] * run.rollout.dt).values
         distance = float(np.linalg.norm(truth - after))
         if math.isfinite(distance):

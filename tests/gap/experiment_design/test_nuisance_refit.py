@@ -58,6 +58,13 @@ def test_a_refit_that_leads_nowhere_returns_the_distance_it_began_with(free: lis
     assert nuisance_refit.refitted_distance(RUN, at(0.0), free, truth) == pytest.approx(2.0)
 
 
+def test_a_nuisance_that_takes_the_axis_from_its_loop_ends_the_refit(free: list[Nuisance]) -> None:
+    """Its slope is no number; an exam's answer ended in a traceback."""
+    lost = at(0.0)._replace(slopes=np.full((2, 3), math.nan))
+    truth = predicted(0.0) + np.array([0.0, 0.0, 2.0])
+    assert nuisance_refit.refitted_distance(RUN, lost, free, truth) == pytest.approx(2.0)
+
+
 def test_what_may_be_refitted(ball_screw: Setup) -> None:
     p = ball_screw.stage
     names = [nuisance.name for nuisance in nuisance_refit.nuisances(p, False)]
