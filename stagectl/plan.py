@@ -19,7 +19,7 @@ from stagectl.compensation import encoder_map, model_effects
 from stagectl.compensation.forms import Model
 from stagectl.compensation.legs import legs
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import friction_path, rollout
+from stagectl.kernels import equilibrium, friction_path, rollout
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
 from stagectl.kernels.friction_bristle import Bristle
@@ -123,7 +123,7 @@ def _true_path(setup: Setup, motion: Trajectory, start: Start) -> tuple[Start, P
     p = _answered(setup)
     if not encoder_map.mapped(p):
         return start, motion
-    place = encoder_map.true_position(p, start.position if start.reading is None else start.reading)
+    place = equilibrium.read(p, start.position if start.reading is None else start.reading)
     off = (place - start.position) * setup.file.axis.travel_per_unit
     return start._replace(position=place), Approach(motion, off)
 

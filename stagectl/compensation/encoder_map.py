@@ -14,7 +14,7 @@ wherever it began.  At rest the target stays as it is, and the next motion goes 
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.kernels import equilibrium, plant_with_effects, stage
+from stagectl.kernels import plant_with_effects, stage
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,3 @@ def shown(p: stage.Stage, true: Array) -> Array:
     """What the encoder shows at `true` positions (n,) rad | m."""
     seen = (plant_with_effects.seen(p.encoder, p.mechanics.pitch, x) for x in true.tolist())
     return np.fromiter(seen, np.float64, len(true))
-
-
-def true_position(p: stage.Stage, reading: float) -> float:
-    """Where the encoder shows `reading` (rad | m)."""
-    return equilibrium.read(p, reading)

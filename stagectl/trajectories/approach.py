@@ -24,5 +24,5 @@ class Approach(NamedTuple):
     def at(self, t: Array) -> Motion:
         """The way from where it begins."""
         way = self.motion.at(t)
-        gone = window(np.clip(t, 0.0, APPROACH_TIME), APPROACH_TIME, 3.0 * APPROACH_TIME)
+        gone = window(np.clip(t, 0.0, APPROACH_TIME), APPROACH_TIME, 3.0 * APPROACH_TIME)  # its rise alone
         return Motion(*(x - self.off * share for x, share in zip(way, gone, strict=True)))

@@ -101,8 +101,7 @@ def merged(effects: Sequence[FoundEffect], factors: Swept, unknown: UnknownTerm 
         if effect.probability >= NAMED and effect.name in factors
     }
     owner = {effect.name: name for effect in effects for name, of in sure.items() if _within(effect, of)}
-    of_force = unknown if unknown is not None and unknown.block == MECHANICS else None
-    held = () if of_force is None else _OF_UNKNOWN.get(of_force.coordinate, ())
+    held = _OF_UNKNOWN.get(unknown.coordinate, ()) if unknown is not None and unknown.block == MECHANICS else ()
     owner |= {effect.name: UNEXPLAINED for effect in effects if effect.parameter and effect.name in held}
     own = {name: [effect for effect in effects if owner.get(effect.name) == name] for name in owner.values()}
     whole = sum(effect.share for effect in effects if effect.parameter and effect.name != "presliding") or 1.0

@@ -44,15 +44,18 @@ def nearest(e: Evidence, library: Library, now: Fitted) -> Fitted:
 
     def nearer(others: Sequence[Fitted], *names: str) -> Fitted:
         known = [name for name in names if name in refine.nuisances(e)]
-        cost = {id(fitted): e.base.prior.cost(fitted.model, known) for fitted in (now, *others)}
-        most = min(cost.values()) * constants.COMPARABLE ** (-2.0 / max(len(known), 1))
-        return min(
-            (fitted for fitted in (now, *others) if cost[id(fitted)] <= most),
-            key=lambda fitted: (sum(len(valued.effect.amplitudes) for valued in fitted.effects), cost[id(fitted)]),
-        )
+        tried = [(e.base.prior.cost(fitted.model, known), fitted) for fitted in (now, *others)]
+        most = min(cost for cost, _ in tried) * constants.COMPARABLE ** (-2.0 / max(len(known), 1))
+        near = [(_size(fitted), cost, fitted) for cost, fitted in tried if cost <= most]
+        return min(near, key=lambda each: each[:2])[-1]
 
     now = nearer(other_scales(e, library, now), "inertia", "viscous")  # known best: friction has a form
     return nearer(_other_offsets(e, now), "bias")
+
+
+def _size(fitted: Fitted) -> int:
+    """The number of amplitudes of its effects."""
+    return sum(len(valued.effect.amplitudes) for valued in fitted.effects)
 
 
 def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:

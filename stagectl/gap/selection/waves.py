@@ -67,6 +67,8 @@ def _with_ripple(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
 
     A further line of the motor is one of its own harmonics, and no ball pass.
     """
+    if not any(form.effect.name in constants.RIPPLES for form in library.forms):
+        return None
     found = _lines(e, now, RIPPLE)
     line = found.strongest(constants.LINE)
     if line is None:
