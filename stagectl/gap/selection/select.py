@@ -161,16 +161,15 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     """`now` with the effect whose column bends that explains most of what is missing; None where none does.
 
     Around the model without it such a column may promise nothing.  Fits take long: only where more than the noise is
-    missing, and an unknown would be said.
+    missing, and an unknown would be said; not where one has been.
     """
     missing = linearised.excess(e, library, now)
-    if max(missing) <= refine.floor(e):
+    if e.beside is not None or max(missing) <= refine.floor(e):
         return None
-    fits = [refine.refine(e, now.model, [*now.effects, start]) for start in tried()]
-    for fitted in sorted(fits, key=lambda fitted: fitted.residual_sum_of_squares):
-        if explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):
-            return _that_stands(e, library, now, fitted)
-    return None
+    fitted = _grown(e, now, tried(), tried())
+    if fitted is None or not explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):
+        return None
+    return _that_stands(e, library, now, fitted)
 
 
 def _fitted(
