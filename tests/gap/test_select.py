@@ -197,23 +197,32 @@ def test_next_to_a_function_an_effect_explains_most_of_what_it_leaves(
     assert select._stands_against_functions(e, library, *fits) is stands
 
 
-@pytest.mark.parametrize(("missing", "left", "taken"), [(9e4, 2e4, True), (9e4, 6e4, False), (6e4, 1e4, False)])
+@pytest.mark.parametrize(
+    ("missing", "left", "beside", "taken"),
+    [(9e4, 2e4, False, True), (9e4, 6e4, False, False), (6e4, 1e4, False, False), (9e4, 2e4, True, False)],
+)
 def test_what_bends_is_fitted_where_more_than_the_noise_is_missing(
-    missing: float, left: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+    missing: float, left: float, beside: bool, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A backlash took 71 % of what was missing in an exam; around the model without it, its column promised nothing."""
-    gap = SimpleNamespace(effect=SimpleNamespace(name="backlash"))
-    now: Any = SimpleNamespace(model=None, effects=(), left=missing)
+    """A backlash took 71 % of what was missing in an exam; around the model without it, its column promised nothing.
+
+    Next to an unknown it is not fitted once more.
+    """
+    gap = SimpleNamespace(effect=SimpleNamespace(name="backlash", resonant=True, nonlinear=True), values={})
+    now: Any = SimpleNamespace(model=None, effects=(), left=missing, residual_sum_of_squares=missing)
+    e: Any = SimpleNamespace(beside=object() if beside else None)
+
+    def refined(_: Any, __: Any, effects: Any, rival: float) -> Any:
+        assert rival == missing
+        return SimpleNamespace(effects=effects, left=left, residual_sum_of_squares=left)
+
     monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
     monkeypatch.setattr(linearised, "strokes", lambda _: 100)
     monkeypatch.setattr(refine, "floor", lambda _: 7e4)
-    monkeypatch.setattr(
-        refine,
-        "refine",
-        lambda _, __, effects: SimpleNamespace(effects=effects, left=left, residual_sum_of_squares=left),
-    )
+    monkeypatch.setattr(refine, "refine", refined)
+    monkeypatch.setattr(select, "vanishes", lambda _: False)
     monkeypatch.setattr(select, "_that_stands", lambda _, __, ___, after: after)
-    after = select._with_bent(cast("Any", None), cast("Any", None), now, lambda: [cast("Any", gap)])
+    after = select._with_bent(e, cast("Any", None), now, lambda: [cast("Any", gap)])
     assert (after is not None) is taken
 
 

@@ -125,14 +125,17 @@ def _of_columns(move: Mapping[str, float], session: Session, now: Fitted) -> dic
     return {part: size * (share if part == "bristle_size" else 1.0) for part, size in move.items()}
 
 
-def undone(session: Session, e: Evidence, now: Fitted, name: str) -> TrackedModel:
-    """The fitted model with one parameter, named as a shift is, back at its nominal value."""
-    whole = now.equipped
-    if name == "presliding":
-        return put(whole, "stage.friction", session.stage.friction)
-    if name == "force_constant":
-        return whole._replace(stage=session.stage)
-    return refine.moved(e, whole, _moves(session, e, now)[name])
+def undone(session: Session, e: Evidence, now: Fitted, *names: str) -> TrackedModel:
+    """The fitted model with parameters, named as shifts are, back at their nominal values."""
+    model, moves = now.equipped, _moves(session, e, now)
+    for name in names:
+        if name == "presliding":
+            model = put(model, "stage.friction", session.stage.friction)
+        elif name == "force_constant":
+            model = model._replace(stage=session.stage)
+        else:
+            model = refine.moved(e, model, moves[name])
+    return model
 
 
 def _materials(
