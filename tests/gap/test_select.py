@@ -198,15 +198,16 @@ def test_next_to_a_function_an_effect_explains_most_of_what_it_leaves(
 
 
 @pytest.mark.parametrize(
-    ("missing", "left", "beside", "taken"),
+    ("missing", "left", "ordered", "taken"),
     [(9e4, 2e4, False, True), (9e4, 6e4, False, False), (6e4, 1e4, False, False), (9e4, 2e4, True, False)],
 )
+@pytest.mark.parametrize("beside", [False, True])
 def test_what_bends_is_fitted_where_more_than_the_noise_is_missing(
-    missing: float, left: float, beside: bool, taken: bool, monkeypatch: pytest.MonkeyPatch
+    missing: float, left: float, ordered: bool, taken: bool, beside: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A backlash took 71 % of what was missing in an exam; around the model without it, its column promised nothing.
 
-    Next to an unknown it is not fitted once more.
+    Where a function of one coordinate predicts that, or stands in the model, nothing oscillates.
     """
     gap = SimpleNamespace(effect=SimpleNamespace(name="backlash", resonant=True, nonlinear=True), values={})
     now: Any = SimpleNamespace(model=None, effects=(), left=missing, residual_sum_of_squares=missing)
@@ -222,8 +223,10 @@ def test_what_bends_is_fitted_where_more_than_the_noise_is_missing(
     monkeypatch.setattr(refine, "refine", refined)
     monkeypatch.setattr(select, "vanishes", lambda _: False)
     monkeypatch.setattr(select, "_that_stands", lambda _, __, ___, after: after)
-    after = select._with_bent(e, cast("Any", None), now, lambda: [cast("Any", gap)])
-    assert (after is not None) is taken
+    predicted = linearised.Predicted((missing * ordered, 0.0))
+    library: Any = SimpleNamespace(predict=lambda *_: predicted)
+    after = select._with_bent(e, library, now, lambda: [cast("Any", gap)])
+    assert (after is not None) is (taken and not beside)
 
 
 @pytest.mark.parametrize(("rise", "kept"), [(-0.9, False), (5.0, False), (4.9, True), (0.0, True)])

@@ -161,10 +161,10 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     """`now` with the effect whose column bends that explains most of what is missing; None where none does.
 
     Around the model without it such a column may promise nothing.  Fits take long: only where more than the noise is
-    missing, and an unknown would be said; not where one has been.
+    missing, and no function of a coordinate predicts it, as none does what oscillates.
     """
     missing = linearised.excess(e, library, now)
-    if e.beside is not None or max(missing) <= refine.floor(e):
+    if e.beside is not None or any(library.predict(e, now).cuts) or max(missing) <= refine.floor(e):
         return None
     fitted = _grown(e, now, tried(), tried())
     if fitted is None or not explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):
