@@ -364,6 +364,8 @@ def test_the_current_shows_a_slower_loop_whatever_is_missing_in_the_mechanics(
         ("base_vibration", 0.0, 300e3, ""),
         ("current_ripple", 2.0, 17e3, "current_ripple"),  # the lead's second harmonic
         ("current_ripple", 24.0, 17e3, ""),
+        ("current_ripple", 5.0, 17e3, "current_ripple"),  # a sideband of a ball pass that drifts
+        ("current_ripple", 5.0, 70e3, ""),
         ("cable_spring", 0.0, 13e3, ""),
     ],
 )
@@ -374,8 +376,9 @@ def test_what_may_be_a_further_part_of_an_effect_is_no_other_one(
         resonant = name in ("base_vibration", "compliance")
         return SimpleNamespace(effect=SimpleNamespace(name=name, resonant=resonant), values=values)
 
-    effects = (valued("compliance"), valued("lead_friction", order=1.0), valued(name, order=order))
-    gains = {"compliance": 850e3, "lead_friction": 292e3, name: gain}
+    names = {"compliance": 0.0, "lead_friction": 1.0, "ball_pass_ripple": 5.22, name: order}
+    effects = tuple(valued(each, order=of_pitch) for each, of_pitch in names.items())
+    gains = {"compliance": 850e3, "lead_friction": 292e3, "ball_pass_ripple": 200e3, name: gain}
     fitted: Any = SimpleNamespace(effects=effects)
     assert _further_part(Selection(fitted, (0.0, 0.0), {}, {}, gains, {})) == dropped
 
