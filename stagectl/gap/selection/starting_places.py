@@ -39,7 +39,8 @@ def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectVa
         places.setdefault(form.effect.name, []).append(EffectValues(form.effect, form.values(form.typical)))
     missing = [sum_of_squares([run], [left]) for run, left in zip(e.runs, now.residuals, strict=True)]
     chosen = telling(np.array(missing), np.array([run.rows for run in e.runs]))
-    on_part = [_by_fit(_part(e, chosen), now, of) for of in places.values()]
+    part = _part(e, chosen)
+    on_part = [_by_fit(part, now, of) for of in places.values()]
     found = [of[0][1] for of in on_part] if chosen.all() else _on_all(e, now, on_part)
     return [fitted.effects[-1] for fitted in sorted(found, key=_left) if math.isfinite(_left(fitted))]
 
