@@ -16,7 +16,8 @@ from stagectl.gap.selection import evidence
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.constants import INCLUSION
 from stagectl.gap.selection.evidence import Candidate, Conditioned, Prior, compare, conditioned, gains, means, temper
-from stagectl.gap.selection.linearised import APART, Remains, simulated, start_of
+from stagectl.gap.selection.linearised import APART, Remains, powers_of, start_of
+from stagectl.gap.selection.simulation_odds import simulated
 
 ROWS = 40
 SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
@@ -147,6 +148,12 @@ def test_what_is_left_counts_once_a_half_stroke() -> None:
     assert temper(-5.0, 100) == 1.0
     assert temper(100.0, 100) == 0.5
     assert temper(1e8, 100) * 1e8 == pytest.approx(100.0, rel=1e-5)
+
+
+def test_a_drift_counts_at_least_as_much_as_the_effort_it_is_in() -> None:
+    assert powers_of((300.0, 100.0), 0.0, 100) == (0.25, 0.5, 1.0)
+    assert powers_of((300.0, 100.0), 900.0, 100) == (0.25, 0.5, 0.25)
+    assert powers_of((-300.0, 100.0), 900.0, 100) == (1.0, 0.5, 1.0)
 
 
 def _odds(

@@ -27,8 +27,15 @@ def _library(*names: str) -> linearised.Library:
     return linearised.Library(cast("Any", tuple(forms)), cast("Any", None), (0.0, 0.0))
 
 
-def _searched(monkeypatch: pytest.MonkeyPatch, forms: Any, with_more: Any) -> list[str]:
-    """The effects that the search ends with, where `with_more` alone finds any."""
+def _searched(
+    monkeypatch: pytest.MonkeyPatch, forms: Any, with_more: Any, dropped: frozenset[str] = frozenset()
+) -> list[str]:
+    """The effects that the search ends with, where `with_more` alone finds any, and those in `dropped` do not stand."""
+
+    def established(_: Any, __: Any, now: Any, ___: Any) -> Any:
+        standing = tuple(valued for valued in now.effects if valued.effect.name not in dropped)
+        return SimpleNamespace(fitted=SimpleNamespace(effects=standing, model=None))
+
     monkeypatch.setattr(refine, "start", lambda _: SimpleNamespace(effects=(), model=None))
     monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
     monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
@@ -36,10 +43,10 @@ def _searched(monkeypatch: pytest.MonkeyPatch, forms: Any, with_more: Any) -> li
     monkeypatch.setattr(select, "_with_small", lambda *_: None)
     monkeypatch.setattr(waves, "with_wave", lambda *_: None)
     monkeypatch.setattr(select, "_with_bent", lambda *_: None)
-    monkeypatch.setattr(select, "established", lambda _, __, now, ___: now)
+    monkeypatch.setattr(select, "established", established)
     library = linearised.Library(forms, cast("Any", None), (0.0, 0.0))
-    now = cast("Any", select.select(cast("Any", None), library, lambda _: None))
-    return [valued.effect.name for valued in now.effects]
+    selected = select.select(cast("Any", None), library, lambda _: None)
+    return [valued.effect.name for valued in selected.fitted.effects]
 
 
 @pytest.mark.parametrize(("name", "fitted"), [("compliance", True), ("cable_spring", False)])
@@ -244,6 +251,31 @@ def test_the_search_goes_on_without_an_effect_at_an_end_of_its_range(
         return None if now.effects else SimpleNamespace(effects=(found[library.forms[0].effect.name],))
 
     assert _searched(monkeypatch, forms, with_more) == ["thermal_viscous" if kept else "stribeck"]
+
+
+@pytest.mark.parametrize(("hidden", "found"), [("ball_pass_ripple", True), ("", False)])
+def test_what_a_dropped_effect_stood_for_is_looked_for_once_more(
+    monkeypatch: pytest.MonkeyPatch, hidden: str, found: bool
+) -> None:
+    """Of a voltage limit, warming and a ripple, drive effects took all in an exam, and none of them stood."""
+    names = ("voltage_saturation", "current_loop", "ball_pass_ripple")
+    effects = {name: SimpleNamespace(name=name, amplitudes=()) for name in names}
+    forms = tuple(SimpleNamespace(effect=effect) for effect in effects.values())
+    searches: list[tuple[str, ...]] = []
+
+    def with_more(_: Any, __: Any, now: Any, ___: Any) -> Any:
+        present = tuple(valued.effect.name for valued in now.effects)
+        searches.append(present)
+        more = {(): names[:2], names[:1]: (names[0], hidden) if hidden else ()}.get(present, ())
+        return (
+            SimpleNamespace(effects=tuple(SimpleNamespace(effect=effects[n], values={}) for n in more))
+            if more
+            else None
+        )
+
+    selected = _searched(monkeypatch, forms, with_more, frozenset(["current_loop"]))
+    assert selected == ([names[0], hidden] if found else [names[0]])
+    assert len(searches) == (4 if found else 3)  # once more, and no further
 
 
 def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_model(

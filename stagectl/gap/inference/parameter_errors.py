@@ -20,7 +20,7 @@ from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import NAMED, Value
-from stagectl.gap.selection import baseline_fit, constants, linearised, refine
+from stagectl.gap.selection import baseline_fit, constants, linearised, refine, simulation_odds
 from stagectl.gap.selection.linearised import Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
@@ -210,7 +210,7 @@ def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Erro
     zone = stage.scaled_friction(nominal, sizes[1] / sizes[0])
     other = refine.residuals(e, put(now.model, "stage.friction", zone), now.effects)
     without, present = (_beside_friction(e, residuals) for residuals in (other, now.residuals))
-    odds = 0.5 * (linearised.gain_of_strokes(without, present) - np.log(len(present.strokes)))
+    odds = 0.5 * (simulation_odds.gain_of_strokes(without, present) - np.log(len(present.strokes)))
     views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
     share = max(float(np.sum(without.strokes - present.strokes)), 0.0) / scale
     found = _shift("presliding", views, share, session.kind)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from stagectl.gap.residuals.thresholds import LEAD_ORDERS
-from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, waves
+from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, simulation_odds, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.evidence import temper
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
@@ -116,7 +116,7 @@ def _in_the_place_of(
     """
     rest = without(e, now, valued)
     at = linearised.linearised(e, library, rest, valued)
-    most = linearised.simulated(valued, linearised.remains(e, library, rest), present, at.powers)
+    most = simulation_odds.simulated(valued, linearised.remains(e, library, rest), present, at.powers)
     probability = min(at.verdict.of_effects().get(valued.effect.name, 0.0), most)
     if probability >= constants.KEPT or not is_material(e, library, now, valued):
         return at, most

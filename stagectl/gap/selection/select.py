@@ -37,7 +37,21 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
 
 
 def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
-    """The same from a model `now` on, whose effects may be dropped again."""
+    """The same from a model `now` on, whose effects may be dropped again.
+
+    One that is dropped, or replaced, may have stood in the place of others: these are looked for once more.
+    """
+    whole = _grown_whole(e, library, now, say)
+    found = established(e, library, whole, say)
+    if not _added(found.fitted, whole):
+        return found
+    wider = _grown_whole(e, library, found.fitted, say)
+    more = found if wider is found.fitted else established(e, library, wider, say)
+    return more if len(more.fitted.effects) > len(found.fitted.effects) else found
+
+
+def _grown_whole(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
+    """`now` with everything that joins it."""
     while len(now.effects) < constants.MOST_EFFECTS:
         now = drive_alikes.on_time(e, library, now)  # each time: what else is missing may hide it
         tried = functools.cache(functools.partial(starting_places, e, library, now))
@@ -55,7 +69,7 @@ def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         after = drive_alikes.nearest(e, library, after)
         say(f"added {', '.join(valued.effect.name for valued in _added(now, after))}")
         now = after
-    return established(e, library, now, say)
+    return now
 
 
 def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
