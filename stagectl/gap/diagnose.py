@@ -28,6 +28,7 @@ from stagectl.gap.inference import (
     constant_force,
     search_beside,
     swept_parameters,
+    time_localisation,
     unknown,
     value_errors,
 )
@@ -122,12 +123,13 @@ def _beside_the_controller(
 
     Without a known controller no loop is simulated, and the gap is that of the effort.
     """
-    alone = _unsearched(session, "controller", agreement.words)
+    when = time_localisation.spans_of_command(session, agreement.limit)
+    alone = _unsearched(session, "controller", agreement.words)._replace(captures=when)
     if unidentifiable(session):
         return Diagnosis(alone, session.stage)
     logs = tuple(log._replace(setpoints=None) for log in session.logs)
     beside = _diagnosed(session._replace(law=None, logs=logs), options._replace(advice=False), timer, progress)
-    kept = ("effects", "gap", "gaps", "coordinates", "captures", "shares", "unknown")
+    kept = ("effects", "gap", "gaps", "coordinates", "shares", "unknown")
     result = alone._replace(**{name: getattr(beside.result, name) for name in kept}, seconds=beside.result.seconds)
     return Diagnosis(result._replace(sentence=sentence(result)), beside.improved)
 

@@ -11,11 +11,13 @@ from scipy.stats import multivariate_normal, norm
 
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
+from stagectl.gap.residuals.gram_matrices import Differences, Grams
 from stagectl.gap.selection import evidence
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.constants import INCLUSION
 from stagectl.gap.selection.evidence import Candidate, Conditioned, Prior, compare, conditioned, gains, means, temper
-from stagectl.gap.selection.linearised import APART, Remains, simulated
+from stagectl.gap.selection.linearised import APART, Remains, powers_of, start_of
+from stagectl.gap.selection.simulation_odds import simulated
 
 ROWS = 40
 SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
@@ -148,13 +150,30 @@ def test_what_is_left_counts_once_a_half_stroke() -> None:
     assert temper(1e8, 100) * 1e8 == pytest.approx(100.0, rel=1e-5)
 
 
-def _odds(before: list[float], after: list[float], size: float = 0.01, current: float = 50.0) -> float:
-    """Of the effect of `size` whose simulation leaves `after` of each half stroke, over those of its being there."""
+def test_a_drift_counts_at_least_as_much_as_the_effort_it_is_in() -> None:
+    assert powers_of((300.0, 100.0), 0.0, 100) == (0.25, 0.5, 1.0)
+    assert powers_of((300.0, 100.0), 900.0, 100) == (0.25, 0.5, 0.25)
+    assert powers_of((-300.0, 100.0), 900.0, 100) == (1.0, 0.5, 1.0)
+
+
+def _odds(
+    before: list[float],
+    after: list[float],
+    size: float = 0.01,
+    current: float = 50.0,
+    drift: float = 0.0,
+    name: str = "dwell",
+) -> float:
+    """Of the effect of `size` whose simulation leaves `after` of each half stroke, over those of its being there.
+
+    Without it repeats differ by `drift` more (sum of squares).
+    """
     floor, samples = np.full(len(before), 1000.0), np.full(len(before), 5000.0)
     without, present = (Remains(floor + np.array(left), floor, samples, (len(left),), 50.0) for left in (before, after))
-    effect = next(effect for effect in definitions(SIZE) if effect.name == "dwell")
+    effect = next(effect for effect in definitions(SIZE) if effect.name == name)
     valued = EffectValues(effect, {"rise": size * effect.amplitudes[0].typical[0], "time": 0.1, "length": 1e-3})
-    p = simulated(valued, without, present._replace(current=current), (0.1, 1.0))
+    without = without._replace(drift=drift)
+    p = simulated(valued, without, present._replace(current=current), (0.1, 1.0, 0.5))
     return p / (1.0 - p) / INCLUSION
 
 
@@ -164,6 +183,33 @@ def test_no_effect_is_more_probable_than_its_simulation_fits() -> None:
     assert _odds([1e5] * 100, [1e5] * 100, current=49.0) == pytest.approx(math.exp(0.5), rel=0.02)
     noise = 100.0 * math.sqrt(10.0)  # of the sum of ten
     assert _odds([400.0] * 10, [100.0] * 10) == pytest.approx(((noise + 4e3) / (noise + 1e3)) ** 5.0, rel=0.02)
+
+
+def test_a_drift_shows_in_what_repeats_differ_by() -> None:
+    """However large the error is that all repeats share; an effect that acts alike in all of them has no part in it."""
+    shared = [1e6] * 10
+    assert _odds(shared, shared, drift=20.0, name="thermal_coulomb") == pytest.approx(math.exp(5.0), rel=0.02)
+    assert _odds(shared, shared, drift=20.0) == pytest.approx(1.0, rel=0.02)
+
+
+def test_what_repeats_differ_by_has_the_power_of_its_own_likelihood() -> None:
+    """Three repeats with one error of form and a drift: the error alone is tempered."""
+    source = np.random.default_rng(9)
+    ramp, form = np.array([-1.0, 0.0, 1.0]), 100.0 * source.standard_normal(ROWS)
+    column = source.standard_normal(ROWS)
+    y = form + 0.5 * np.outer(ramp, column) + source.standard_normal((3, ROWS))
+    x = np.stack([np.outer(ramp, column), np.outer(np.ones(3), source.standard_normal(ROWS))]).reshape(2, -1)
+    joined = np.vstack([x, y.reshape(1, -1)])
+    apart = np.stack([joined[0], (y - y.mean(axis=0)).ravel()])
+    g = Grams(
+        ("drift", "form"), (joined @ joined.T)[None], np.zeros((1, 3, 3)), np.zeros((1, 2)), *[np.zeros(1, int)] * 2
+    )
+    power = temper(float(3.0 * form @ form), 10)
+    found = start_of(g, [], (power, 1.0, 1.0), Differences((0,), (apart @ apart.T)[None]))
+    assert found.right[0] == pytest.approx(x[0] @ y.ravel(), rel=1e-6)  # of white noise, as if no form were wrong
+    assert found.right[1] == pytest.approx(power * x[1] @ y.ravel(), rel=1e-6)
+    size = found.right[0] / found.gram[0, 0]
+    assert size == pytest.approx(0.5, abs=4.0 / math.sqrt(x[0] @ x[0]))
 
 
 def test_no_half_stroke_decides_alone() -> None:

@@ -138,6 +138,28 @@ def test_a_drift_that_a_column_on_the_clock_explains_is_no_noise() -> None:
     np.testing.assert_allclose(gram_matrices.noise(p, same), 0.0, atol=1e-9)
 
 
+def test_repeats_differ_by_what_is_not_their_mean() -> None:
+    """Of two runs with repeats and one without."""
+    source = np.random.default_rng(17)
+    runs = [_run(source), _run(source), _run(source)]
+    runs[1] = runs[1]._replace(paths=runs[1].paths[:1])
+    x = [_columns(source) for _ in runs]
+    x[1] = {name: column[:1] for name, column in x[1].items()}
+    residuals = [[source.standard_normal((ROWS, 2)) for _ in run.paths] for run in runs]
+    p = gram_matrices.products(runs, [{name: columns[name] for name in ("a", "warm", "b")} for columns in x])
+    found = gram_matrices.differences(p, residuals)
+    expected = np.zeros((2, 2, 2))
+    for run, columns, repeats in zip(runs, x, residuals, strict=True):
+        rows = [np.stack([warm, r]) * run.weight[:, None] for warm, r in zip(columns["warm"], repeats, strict=True)]
+        for deviation in np.array(rows) - np.mean(rows, axis=0):
+            expected += np.einsum("imc,jmc->cij", deviation, deviation)
+    assert found.places == (1,)
+    np.testing.assert_allclose(found.square, expected, rtol=1e-9)
+    assert gram_matrices.unexplained(found.square[0]) == pytest.approx(
+        expected[0, 1, 1] - expected[0, 0, 1] ** 2 / expected[0, 0, 0]
+    )
+
+
 def test_without_a_clock_the_noise_is_what_repeats_differ_by() -> None:
     source = np.random.default_rng(12)
     run, x = _run(source), _columns(source)

@@ -27,8 +27,15 @@ def _library(*names: str) -> linearised.Library:
     return linearised.Library(cast("Any", tuple(forms)), cast("Any", None), (0.0, 0.0))
 
 
-def _searched(monkeypatch: pytest.MonkeyPatch, forms: Any, with_more: Any) -> list[str]:
-    """The effects that the search ends with, where `with_more` alone finds any."""
+def _searched(
+    monkeypatch: pytest.MonkeyPatch, forms: Any, with_more: Any, dropped: frozenset[str] = frozenset()
+) -> list[str]:
+    """The effects that the search ends with, where `with_more` alone finds any, and those in `dropped` do not stand."""
+
+    def established(_: Any, __: Any, now: Any, ___: Any) -> Any:
+        standing = tuple(valued for valued in now.effects if valued.effect.name not in dropped)
+        return SimpleNamespace(fitted=SimpleNamespace(effects=standing, model=None))
+
     monkeypatch.setattr(refine, "start", lambda _: SimpleNamespace(effects=(), model=None))
     monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
     monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
@@ -36,10 +43,10 @@ def _searched(monkeypatch: pytest.MonkeyPatch, forms: Any, with_more: Any) -> li
     monkeypatch.setattr(select, "_with_small", lambda *_: None)
     monkeypatch.setattr(waves, "with_wave", lambda *_: None)
     monkeypatch.setattr(select, "_with_bent", lambda *_: None)
-    monkeypatch.setattr(select, "established", lambda _, __, now, ___: now)
+    monkeypatch.setattr(select, "established", established)
     library = linearised.Library(forms, cast("Any", None), (0.0, 0.0))
-    now = cast("Any", select.select(cast("Any", None), library, lambda _: None))
-    return [valued.effect.name for valued in now.effects]
+    selected = select.select(cast("Any", None), library, lambda _: None)
+    return [valued.effect.name for valued in selected.fitted.effects]
 
 
 @pytest.mark.parametrize(("name", "fitted"), [("compliance", True), ("cable_spring", False)])
@@ -197,24 +204,36 @@ def test_next_to_a_function_an_effect_explains_most_of_what_it_leaves(
     assert select._stands_against_functions(e, library, *fits) is stands
 
 
-@pytest.mark.parametrize(("missing", "left", "taken"), [(9e4, 2e4, True), (9e4, 6e4, False), (6e4, 1e4, False)])
+@pytest.mark.parametrize(
+    ("missing", "left", "ordered", "taken"),
+    [(9e4, 2e4, False, True), (9e4, 6e4, False, False), (6e4, 1e4, False, False), (9e4, 2e4, True, False)],
+)
+@pytest.mark.parametrize("beside", [False, True])
 def test_what_bends_is_fitted_where_more_than_the_noise_is_missing(
-    missing: float, left: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+    missing: float, left: float, ordered: bool, taken: bool, beside: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A backlash took 71 % of what was missing in an exam; around the model without it, its column promised nothing."""
-    gap = SimpleNamespace(effect=SimpleNamespace(name="backlash"))
-    now: Any = SimpleNamespace(model=None, effects=(), left=missing)
+    """A backlash took 71 % of what was missing in an exam; around the model without it, its column promised nothing.
+
+    Where a function of one coordinate predicts that, or stands in the model, nothing oscillates.
+    """
+    gap = SimpleNamespace(effect=SimpleNamespace(name="backlash", resonant=True, nonlinear=True), values={})
+    now: Any = SimpleNamespace(model=None, effects=(), left=missing, residual_sum_of_squares=missing)
+    e: Any = SimpleNamespace(beside=object() if beside else None)
+
+    def refined(_: Any, __: Any, effects: Any, rival: float) -> Any:
+        assert rival == missing
+        return SimpleNamespace(effects=effects, left=left, residual_sum_of_squares=left)
+
     monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
     monkeypatch.setattr(linearised, "strokes", lambda _: 100)
     monkeypatch.setattr(refine, "floor", lambda _: 7e4)
-    monkeypatch.setattr(
-        refine,
-        "refine",
-        lambda _, __, effects: SimpleNamespace(effects=effects, left=left, residual_sum_of_squares=left),
-    )
+    monkeypatch.setattr(refine, "refine", refined)
+    monkeypatch.setattr(select, "vanishes", lambda _: False)
     monkeypatch.setattr(select, "_that_stands", lambda _, __, ___, after: after)
-    after = select._with_bent(cast("Any", None), cast("Any", None), now, lambda: [cast("Any", gap)])
-    assert (after is not None) is taken
+    predicted = linearised.Predicted((missing * ordered, 0.0))
+    library: Any = SimpleNamespace(predict=lambda *_: predicted)
+    after = select._with_bent(e, library, now, lambda: [cast("Any", gap)])
+    assert (after is not None) is (taken and not beside)
 
 
 @pytest.mark.parametrize(("rise", "kept"), [(-0.9, False), (5.0, False), (4.9, True), (0.0, True)])
@@ -232,6 +251,31 @@ def test_the_search_goes_on_without_an_effect_at_an_end_of_its_range(
         return None if now.effects else SimpleNamespace(effects=(found[library.forms[0].effect.name],))
 
     assert _searched(monkeypatch, forms, with_more) == ["thermal_viscous" if kept else "stribeck"]
+
+
+@pytest.mark.parametrize(("hidden", "found"), [("ball_pass_ripple", True), ("", False)])
+def test_what_a_dropped_effect_stood_for_is_looked_for_once_more(
+    monkeypatch: pytest.MonkeyPatch, hidden: str, found: bool
+) -> None:
+    """Of a voltage limit, warming and a ripple, drive effects took all in an exam, and none of them stood."""
+    names = ("voltage_saturation", "current_loop", "ball_pass_ripple")
+    effects = {name: SimpleNamespace(name=name, amplitudes=()) for name in names}
+    forms = tuple(SimpleNamespace(effect=effect) for effect in effects.values())
+    searches: list[tuple[str, ...]] = []
+
+    def with_more(_: Any, __: Any, now: Any, ___: Any) -> Any:
+        present = tuple(valued.effect.name for valued in now.effects)
+        searches.append(present)
+        more = {(): names[:2], names[:1]: (names[0], hidden) if hidden else ()}.get(present, ())
+        return (
+            SimpleNamespace(effects=tuple(SimpleNamespace(effect=effects[n], values={}) for n in more))
+            if more
+            else None
+        )
+
+    selected = _searched(monkeypatch, forms, with_more, frozenset(["current_loop"]))
+    assert selected == ([names[0], hidden] if found else [names[0]])
+    assert len(searches) == (4 if found else 3)  # once more, and no further
 
 
 def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_model(
@@ -352,6 +396,8 @@ def test_the_current_shows_a_slower_loop_whatever_is_missing_in_the_mechanics(
         ("base_vibration", 0.0, 300e3, ""),
         ("current_ripple", 2.0, 17e3, "current_ripple"),  # the lead's second harmonic
         ("current_ripple", 24.0, 17e3, ""),
+        ("current_ripple", 5.0, 17e3, "current_ripple"),  # a sideband of a ball pass that drifts
+        ("current_ripple", 5.0, 70e3, ""),
         ("cable_spring", 0.0, 13e3, ""),
     ],
 )
@@ -362,8 +408,9 @@ def test_what_may_be_a_further_part_of_an_effect_is_no_other_one(
         resonant = name in ("base_vibration", "compliance")
         return SimpleNamespace(effect=SimpleNamespace(name=name, resonant=resonant), values=values)
 
-    effects = (valued("compliance"), valued("lead_friction", order=1.0), valued(name, order=order))
-    gains = {"compliance": 850e3, "lead_friction": 292e3, name: gain}
+    names = {"compliance": 0.0, "lead_friction": 1.0, "ball_pass_ripple": 5.22, name: order}
+    effects = tuple(valued(each, order=of_pitch) for each, of_pitch in names.items())
+    gains = {"compliance": 850e3, "lead_friction": 292e3, "ball_pass_ripple": 200e3, name: gain}
     fitted: Any = SimpleNamespace(effects=effects)
     assert _further_part(Selection(fitted, (0.0, 0.0), {}, {}, gains, {})) == dropped
 

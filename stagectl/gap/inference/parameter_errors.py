@@ -20,7 +20,7 @@ from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import NAMED, Value
-from stagectl.gap.selection import baseline_fit, constants, linearised, refine
+from stagectl.gap.selection import baseline_fit, constants, linearised, refine, simulation_odds
 from stagectl.gap.selection.linearised import Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
@@ -125,14 +125,17 @@ def _of_columns(move: Mapping[str, float], session: Session, now: Fitted) -> dic
     return {part: size * (share if part == "bristle_size" else 1.0) for part, size in move.items()}
 
 
-def undone(session: Session, e: Evidence, now: Fitted, name: str) -> TrackedModel:
-    """The fitted model with one parameter, named as a shift is, back at its nominal value."""
-    whole = now.equipped
-    if name == "presliding":
-        return put(whole, "stage.friction", session.stage.friction)
-    if name == "force_constant":
-        return whole._replace(stage=session.stage)
-    return refine.moved(e, whole, _moves(session, e, now)[name])
+def undone(session: Session, e: Evidence, now: Fitted, *names: str) -> TrackedModel:
+    """The fitted model with parameters, named as shifts are, back at their nominal values."""
+    model, moves = now.equipped, _moves(session, e, now)
+    for name in names:
+        if name == "presliding":
+            model = put(model, "stage.friction", session.stage.friction)
+        elif name == "force_constant":
+            model = model._replace(stage=session.stage)
+        else:
+            model = refine.moved(e, model, moves[name])
+    return model
 
 
 def _materials(
@@ -207,7 +210,7 @@ def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Erro
     zone = stage.scaled_friction(nominal, sizes[1] / sizes[0])
     other = refine.residuals(e, put(now.model, "stage.friction", zone), now.effects)
     without, present = (_beside_friction(e, residuals) for residuals in (other, now.residuals))
-    odds = 0.5 * (linearised.gain_of_strokes(without, present) - np.log(len(present.strokes)))
+    odds = 0.5 * (simulation_odds.gain_of_strokes(without, present) - np.log(len(present.strokes)))
     views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
     share = max(float(np.sum(without.strokes - present.strokes)), 0.0) / scale
     found = _shift("presliding", views, share, session.kind)

@@ -4,6 +4,7 @@ The same function predicts something on machines with nothing but another fricti
 that gains no more shows an error in the form of the friction, and no unknown.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from stagectl.gap.selection import null_ensemble, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
 from stagectl.kernels.fields import put
+from stagectl.number_format import NORMAL
 
 SINGLE = ((EVEN,), (ODD,), (EVEN, ODD))  # parts of a function of one coordinate and the direction
 WITH_ACCELERATION = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # tried where no single coordinate is enough
@@ -40,7 +42,7 @@ class ShapeFit(NamedTuple):
     basis: CoordinateBasis
     parts: tuple[str, ...]
     gain: float  # of the sum of squares
-    share: float  # of the residual above the repeats' floor
+    share: float  # of the residual above the repeats' floor, as far up as that may be with 97.5 %
     limit: float  # gain that the ensemble of friction laws gives it
     ridge: float  # by which it predicts most
 
@@ -81,6 +83,7 @@ def _fits(
     nuisances = [*refine.moving(e), *own, *refine.free_names(e)]
     g = gram_matrices.fold_sums(products, means(now.residuals))
     free, floor = partialled_out(folds(g, g.effort), g.places(nuisances)), floor_of(e)
+    floor -= _unsure(e, floor)
     machines = g.places(null_ensemble.member_names(products.names))
     fits = []
     for parts in variants:
@@ -101,6 +104,16 @@ def _predicted(
     share = gain / float(before[0] - floor) if before[0] > floor else 0.0
     limit = float(np.quantile(of_laws, ENSEMBLE_QUANTILE)) if of_laws else 0.0
     return gain, share, limit, float(ridges[0])
+
+
+def _unsure(e: Evidence, floor: float) -> float:
+    """By how much less noise there may be than the `floor` (sums of squares), and so more above it: 97.5 %.
+
+    Without this, noise that leaves as much as the floor would be predicted whole by any function.  The sums of squares
+    of the residual and of the repeats' differences each have the variance of a chi-square.
+    """
+    rows = sum(float(np.sum(run.weight * run.weight)) for run in e.runs)
+    return NORMAL * floor * math.sqrt(2.0 / rows * (1.0 + 1.0 / max(repeats_of(e) - 1.0, 1.0))) if floor else 0.0
 
 
 def least_gain(e: Evidence) -> float:

@@ -9,6 +9,7 @@ An unknown is a function of one coordinate, and some parameters are such a funct
 holds, nothing shows.  Then the unknown says all.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -126,10 +127,30 @@ def _with(effect: FoundEffect, own: Sequence[FoundEffect]) -> FoundEffect:
     )
 
 
+def own(session: Session, now: Fitted) -> dict[str, list[str]]:
+    """Of each effect of `now` the parameters whose nominal value lies within what it changes them by."""
+    nominal, fitted = (_values(p) for p in (session.stage, now.model.stage))
+    return {
+        name: [p for p, factors in of.items() if _covers(factors, fitted[p] / nominal[p])]
+        for name, of in swept(session, now).items()
+    }
+
+
+def _values(p: stage.Stage) -> dict[str, float]:
+    """Of the parameters that are swept, without end where the model has none."""
+    values = {"coulomb": stage.sliding(p.friction), "viscous": p.mechanics.viscous}
+    return {name: value or math.inf for name, value in values.items()}
+
+
 def _within(shift: FoundEffect, factors: Mapping[str, tuple[float, float]]) -> bool:
+    return (
+        shift.parameter
+        and shift.name in factors
+        and _covers(factors[shift.name], 1.0 + shift.parameters["change"].value)
+    )
+
+
+def _covers(factors: tuple[float, float], of_nominal: float) -> bool:
     """Whether a parameter has changed from its nominal value to others, or may yet come to it by as much again."""
-    if not shift.parameter or shift.name not in factors:
-        return False
-    low, high = factors[shift.name]
-    seen, of_nominal = high - low, 1.0 + shift.parameters["change"].value
-    return (low - seen) * of_nominal <= 1.0 <= (high + seen) * of_nominal
+    low, high = factors
+    return (2.0 * low - high) * of_nominal <= 1.0 <= (2.0 * high - low) * of_nominal

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.inference import parameter_errors, signatures, thresholds
+from stagectl.gap.controller_check.recomputed_command import compared
+from stagectl.gap.inference import parameter_errors, signatures, swept_parameters, thresholds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -14,7 +15,6 @@ from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.residuals.tracker_response import untracked
 from stagectl.gap.result.diagnosis import FoundEffect, Spans
-from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import plant_with_effects
 from stagectl.kernels.fields import put
@@ -37,7 +37,7 @@ def contributors(
     session: Session, e: Evidence, now: Fitted, named: Sequence[FoundEffect], seen: Sequence[FoundEffect]
 ) -> list[Contributor]:
     """Everything in the diagnosis that acts at certain times: the effects, or else the parameters that are off."""
-    effects = [*_effects(now), *_of_drive(now, seen)]
+    effects = [*_effects(session, e, now), *_of_drive(now, seen)]
     if effects:
         return effects
     return [
@@ -50,15 +50,18 @@ def contributors(
     ]
 
 
-def _effects(now: Fitted) -> list[Contributor]:
-    """Each effect of the fitted model against all others."""
-    rests = [(effect, [other for other in now.effects if other is not effect]) for effect in now.effects]
-    return [
-        Contributor(
-            now.equipped, equipped(now.model, rest), effect.effect.block, effect.effect.time_variation is not None
-        )
-        for effect, rest in rests
-    ]
+def _effects(session: Session, e: Evidence, now: Fitted) -> list[Contributor]:
+    """Each effect of the fitted model against all others, with the parameters that are its own at nominal values.
+
+    Where friction falls as the machine warms, a model of the cold machine lacks that at the end, not at the beginning.
+    """
+    own, contributors = swept_parameters.own(session, now), []
+    for valued in now.effects:
+        rest = now._replace(effects=tuple(other for other in now.effects if other is not valued))
+        less = parameter_errors.undone(session, e, rest, *own.get(valued.effect.name, ()))
+        aging = valued.effect.time_variation is not None
+        contributors.append(Contributor(now.equipped, less, valued.effect.block, aging))
+    return contributors
 
 
 def _of_drive(now: Fitted, seen: Sequence[FoundEffect]) -> list[Contributor]:
@@ -77,7 +80,7 @@ def spans(e: Evidence, now: Fitted, runs: Sequence[Run], parts: Sequence[Contrib
     It is open where one of the `parts` exceeds a fifth of its 95 % quantile over all logs.  Without any, it is open
     where the residual exceeds three standard deviations of the repeats.
     """
-    flags = [_open_by(runs, part) for part in parts] if parts else [_open_by_residual(e, now, runs)]
+    flags = [_open_by(contributions(runs, part)) for part in parts] if parts else [_open_by_residual(e, now, runs)]
     result = []
     for number, run in enumerate(runs):
         for repeat, log in enumerate(run.logs):
@@ -87,8 +90,20 @@ def spans(e: Evidence, now: Fitted, runs: Sequence[Run], parts: Sequence[Contrib
     return result
 
 
-def _open_by(runs: Sequence[Run], part: Contributor) -> list[list[Flags]]:
-    sizes = contributions(runs, part)
+def spans_of_command(session: Session, allowed: float) -> tuple[Spans, ...]:
+    """When another controller than the one that is described makes a difference of more than `allowed` (A)."""
+    differing = [comparison for comparison in compared(session, allowed) if not comparison.log.held_out]
+    if not differing:
+        return ()
+    flags = _open_by([[np.nan_to_num(np.abs(comparison.difference))] for comparison in differing])
+    logs = [(comparison.log.name, comparison.log.rows * session.dt) for comparison in differing]
+    return tuple(
+        Spans(name, stretches(of, session.dt), length) for (name, length), [of] in zip(logs, flags, strict=True)
+    )
+
+
+def _open_by(sizes: Sequence[Sequence[Array]]) -> list[list[Flags]]:
+    """Where the `sizes` (n,) of each run and repeat are large."""
     largest = _quantile(np.concatenate([size for repeats in sizes for size in repeats]))
     return [[size > thresholds.OPEN_SHARE * largest for size in repeats] for repeats in sizes]
 

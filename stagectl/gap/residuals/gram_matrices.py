@@ -121,12 +121,34 @@ def fold_sums(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
 
 def noise(p: Products, residuals: Sequence[Sequence[Array]]) -> Array:
     """(2,) sum of squares that repeats differ by, without what the columns on the clock explain: no drift is noise."""
-    pairs = zip(p.parts, residuals, strict=True)
-    squares = [run_products.differences(part, repeats) for part, repeats in pairs]
+    counts = [len(repeats) for repeats in residuals]
+    of_repeats = [count / max(count - 1, 1) for count in counts]  # their mean has taken a part of the noise
+    summed = differences(p, residuals, of_repeats).square * noise_of_all([part.run for part in p.parts])
+    return np.array([unexplained(cut) for cut in summed])
+
+
+class Differences(NamedTuple):
+    """What the repeats of all experiments differ by, summed over them."""
+
+    places: tuple[int, ...]  # of the columns that run on the clock: all others are the same in every repeat
+    square: Array  # (2, q + 1, q + 1) products of these columns' deviations and the residual's, which is the last
+
+
+def differences(
+    p: Products, residuals: Sequence[Sequence[Array]], weights: Sequence[float] | None = None
+) -> Differences:
+    """Of the residuals (m, 2) of each run and repeat; `weights` of the runs, one unless given."""
+    weights = weights or [1.0] * len(p.parts)
+    rows = list(zip(p.parts, residuals, weights, strict=True))
+    squares = [run_products.differences(part, repeats) * weight for part, repeats, weight in rows]
     widest = max(square.shape[1] for square in squares)  # a run without repeats has none of these columns
-    summed = np.sum([square for square in squares if square.shape[1] == widest], axis=0)
-    summed = summed * noise_of_all([part.run for part in p.parts])
-    return np.array([least_squares.fit(cut, range(widest - 1)).residual_sum_of_squares for cut in summed])
+    places = next((part.clocked.places for part in p.parts if part.clocked is not None), ())
+    return Differences(places, np.sum([square for square in squares if square.shape[1] == widest], axis=0))
+
+
+def unexplained(square: Array) -> float:
+    """Sum of squares that all columns of `square` (q + 1, q + 1) leave of its last one."""
+    return least_squares.fit(square, range(len(square) - 1)).residual_sum_of_squares
 
 
 class MeanSquareError(NamedTuple):

@@ -164,7 +164,7 @@ def _squares(
 def differences(p: RunProducts, residuals: Sequence[Array]) -> Array:
     """(2, q + 1, q + 1) products of what repeats differ by: of the columns on the clock, and of the residual, the last.
 
-    Scaled to the size of the repeats themselves; without repeats there are no differences.
+    Without repeats there are no differences.
     """
     clocked = () if p.clocked is None else p.clocked.places
     square, repeats = np.zeros((2, len(clocked) + 1, len(clocked) + 1)), len(residuals)
@@ -178,7 +178,7 @@ def differences(p: RunProducts, residuals: Sequence[Array]) -> Array:
         pairs = zip(p.clocked.deviation, last, strict=True)
         square[:, :-1, -1:] = np.sum([_between(clock, own, whole) for clock, own in pairs], axis=0)[:, 0]
         square[:, -1, :-1] = square[:, :-1, -1]
-    return square * (repeats / (repeats - 1))
+    return square
 
 
 def selected(p: RunProducts, places: Sequence[int]) -> RunProducts:

@@ -45,6 +45,9 @@ WAVES = ("cogging", "cogging_map", "encoder_eccentricity")
 # Effects whose force turns with the current, so that its product with the current makes a line.  Of 13 machines of the
 # exam without a ripple the highest is 16, of three with one the lowest 116.
 RIPPLES = ("current_ripple", "ball_pass_ripple")
+# Relative; chosen.  A further ripple at an order as near is a sideband of the first.  On a machine whose ball pass of
+# order 5.22 drifts, a current ripple of order 5 had P 1.00, with a hundredth of its amplitude.
+SIDEBAND = 0.1
 LEAD = "lead_friction"
 TIMING = ("dead_time", "current_loop")  # effects that make it answer later
 CLIPPING = ("current_saturation", "voltage_saturation")  # effects that cut off the noise of a repeat as well

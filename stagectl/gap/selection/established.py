@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from stagectl.gap.residuals.thresholds import LEAD_ORDERS
-from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, waves
+from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, simulation_odds, waves
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.evidence import temper
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
@@ -66,7 +66,7 @@ def established(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
 def _further_part(selection: Selection) -> str:
     """An effect that is too small to be more than a further part of another one; empty where none is.
 
-    A structure has more modes than one, and the friction of a lead more harmonics.
+    A structure has more modes than one, the friction of a lead more harmonics, and a ripple that drifts more lines.
     """
     gains = selection.gains
     for valued in selection.fitted.effects:
@@ -77,9 +77,14 @@ def _further_part(selection: Selection) -> str:
 
 
 def _of_kin(valued: EffectValues, other: EffectValues) -> bool:
-    """Whether an effect may be a further part of the `other`: two resonances; a wave at an order of the lead."""
+    """Whether an effect may be a further part of the `other`: two resonances; a wave at an order of the lead.
+
+    A ripple whose amplitude drifts along the travel has lines on both sides of its own.
+    """
     if valued.effect.resonant and other.effect.resonant:
         return True
+    if {valued.effect.name, other.effect.name} == {*constants.RIPPLES}:
+        return math.isclose(valued.values["order"], other.values["order"], rel_tol=constants.SIDEBAND)
     return other.effect.name == constants.LEAD and round(valued.values.get("order", 0.0)) in (1, *LEAD_ORDERS)
 
 
@@ -111,7 +116,7 @@ def _in_the_place_of(
     """
     rest = without(e, now, valued)
     at = linearised.linearised(e, library, rest, valued)
-    most = linearised.simulated(valued, linearised.remains(e, library, rest), present, at.powers)
+    most = simulation_odds.simulated(valued, linearised.remains(e, library, rest), present, at.powers)
     probability = min(at.verdict.of_effects().get(valued.effect.name, 0.0), most)
     if probability >= constants.KEPT or not is_material(e, library, now, valued):
         return at, most

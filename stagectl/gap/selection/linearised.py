@@ -1,11 +1,9 @@
 """Everything linear around one model: the residuals, what nuisances explain of them, and the effects that may join."""
 
-import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit, gammaln
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.logs.session import Array
@@ -33,6 +31,7 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 APART = {effect.name: effect.generalisations for effect in EFFECTS.values() if effect.generalisations}
 APART |= {constants.SCALING[0]: constants.SCALING[1:]}
 Cuts = tuple[float, float]  # of the residual effort and of the missing current
+Powers = tuple[float, float, float]  # of the likelihoods of both cuts, and of what repeats differ by in the effort
 
 
 class Predicted(NamedTuple):
@@ -50,6 +49,7 @@ class Remains(NamedTuple):
     samples: Array  # (c,) that count, of all repeats
     experiments: tuple[int, ...]  # half strokes of each, in their order
     current: float  # sum of squares of the missing current
+    drift: float = 0.0  # sum of squares of the residual effort that repeats differ by
     excess: Cuts = (0.0, 0.0)  # sum of squares above the floor
 
 
@@ -69,13 +69,13 @@ class Linearised(NamedTuple):
     candidates: list[Candidate]
     forms: tuple[Form, ...]
     excess: Cuts
-    powers: Cuts  # of the likelihoods of both cuts
+    powers: Powers
     verdict: Verdict
 
     @property
     def largest(self) -> float:
         """Of the cuts of `excess`, each times the power of its likelihood."""
-        return max(power * cut for power, cut in zip(self.powers, self.excess, strict=True))
+        return max(power * cut for power, cut in zip(self.powers, self.excess, strict=False))
 
     @property
     def empty(self) -> float:
@@ -110,12 +110,14 @@ def linearised(
     """The sets that may join `now`, compared; `out` is an effect that was just taken out of it, with its values.
 
     An effect that explains much explains it with an error of form, so the powers stay those of the beginning.  Without
-    `traces`, effects of any size count, and an error of form is no larger than all that `now` leaves.
+    `traces`, effects of any size count, and an error of form is no larger than all that `now` leaves.  An error of form
+    is the same in all repeats: what these differ by is noise, and what drifts.
     """
     refined = () if out is None else (as_form(out),)
     columns = [*refine.parameters(now), *(each for form in refined for each in candidates.directions(form))]
     more = sensitivities.all_columns(now.equipped, e.runs, columns, e.base.noise)
-    g = gram_matrices.fold_sums(gram_matrices.with_columns(library.products, more), now.residuals)
+    products = gram_matrices.with_columns(library.products, more)
+    g = gram_matrices.fold_sums(products, now.residuals)
     present = {valued.effect.name for valued in now.effects}
     if present & set(constants.SCALING):
         present.update(constants.SCALING)
@@ -125,9 +127,20 @@ def linearised(
     nuisances = parameters(e, now, g)
     small = [usual_sizes.immaterial(library.forms, g.places)] if traces else []
     left = left_of(g, nuisances, library.products, now)
-    effort, current = (temper(cut, strokes(e)) for cut in (library.excess if traces else left))
-    start = start_of(g, [*nuisances, *small], (effort, current))
-    return Linearised(start, tried, forms, left, (effort, current), compare(start, tried, APART))
+    apart = gram_matrices.differences(products, now.residuals)
+    drift = float(apart.square[0, -1, -1]) - gram_matrices.unexplained(apart.square[0])
+    powers = powers_of(library.excess if traces else left, drift, strokes(e))
+    start = start_of(g, [*nuisances, *small], powers, apart)
+    return Linearised(start, tried, forms, left, powers, compare(start, tried, APART))
+
+
+def powers_of(cuts: Cuts, drift: float, count: int) -> Powers:
+    """Powers of the likelihoods where both `cuts` and a `drift` are left (sums of squares), over `count` half strokes.
+
+    A drift has an error of form, too, but repeats never say less of it than all they hold.
+    """
+    effort, current = (temper(cut, count) for cut in cuts)
+    return effort, current, max(effort, temper(drift, count))
 
 
 def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
@@ -141,7 +154,8 @@ def remains(e: Evidence, library: Library, now: Fitted) -> Remains:
     g = gram_matrices.grams(known(e, library, now), now.residuals)
     nuisances, current = parameters(e, now, g), float(g.current[:, -1, -1].sum())
     effort, left = _strokes_left(g.effort, nuisances), left_of(g, nuisances, library.products, now)
-    return Remains(effort, g.floor[:, 0], samples(e), experiments(e), current, left)
+    drift = float(gram_matrices.differences(library.products, now.residuals).square[0, -1, -1])
+    return Remains(effort, g.floor[:, 0], samples(e), experiments(e), current, drift, left)
 
 
 def samples(e: Evidence) -> Array:
@@ -152,53 +166,6 @@ def samples(e: Evidence) -> Array:
 def experiments(e: Evidence) -> tuple[int, ...]:
     """The number of half strokes of each experiment."""
     return tuple(len(half_strokes.samples(run)) for run in e.runs)
-
-
-def simulated(valued: EffectValues, without: Remains, present: Remains, powers: Cuts) -> float:
-    """Probability of an effect, at most: by how often one of its size is there, and by the fit of its simulation.
-
-    Of what another law of the friction or other values of the base explain as well, nothing is its own; and a column
-    that bends promises more than a simulation gives.  No friction disturbs the current.
-    """
-    gain = gain_of_strokes(without, present) + powers[1] * (without.current - present.current)
-    return float(expit(math.log(constants.INCLUSION * usual_sizes.as_large(valued)) + 0.5 * gain))
-
-
-def gain_of_strokes(without: Remains, present: Remains) -> float:
-    """Twice the log of a likelihood ratio, from the residual effort.
-
-    How large the friction's error of form is, nobody knows: what is left counts by its ratio, as in the likelihood of a
-    Gaussian error of unknown scale.  The half strokes of an experiment have one scale, or each has its own, as far as
-    what is left without says so: where one of them has it all, that one does not decide alone.
-    """
-    floor = np.minimum(without.floor, present.floor)  # an effect that drifts is no noise
-    unsure = np.sqrt(2.0 * np.maximum(present.samples, 1.0))  # standard deviation of the noise's sum of squares
-    ends = np.cumsum(present.experiments)[:-1]
-    each = (np.split(values, ends) for values in (without.strokes - floor, present.strokes - floor, unsure))
-    return 2.0 * sum(map(_gain, *each))
-
-
-def _gain(before: Array, after: Array, unsure: Array) -> float:
-    """Expected log of the likelihood ratio from what is left above the noise in the half strokes (n,) of an experiment.
-
-    The noise makes it `unsure` by so much.  In a sum over half strokes that averages out.
-    """
-    half, noise = 0.5 * len(before), float(np.linalg.norm(unsure))
-    first, then = (1.0 + np.maximum(left, 0.0) / unsure for left in (before, after))
-    whole, rest = (noise + max(float(left.sum()), 0.0) for left in (before, after))
-    alike = _alike(first)
-    return alike * half * math.log(whole / rest) + (1.0 - alike) * 0.5 * float(np.log(first / then).sum())
-
-
-def _alike(left: Array) -> float:
-    """Probability that what is `left` in each half stroke (n,), in units of the noise, has one scale.
-
-    The scales are integrated out by Jeffreys' prior, each over the same range.
-    """
-    half, range_of_one = 0.5 * len(left), math.log(2.0 * math.log(constants.SCALE_RANGE))
-    common = float(gammaln(half)) - half * math.log(math.pi * float(left.sum())) - range_of_one
-    alone = -0.5 * float(np.log(left).sum()) - len(left) * range_of_one
-    return float(expit(common - alone))
 
 
 def known(e: Evidence, library: Library, now: Fitted) -> gram_matrices.Products:
@@ -250,9 +217,17 @@ def _strokes_left(strokes: Array, nuisances: Sequence[Prior]) -> Array:
     return left
 
 
-def start_of(g: Grams, nuisances: Sequence[Prior], powers: Sequence[float]) -> Conditioned:
-    """The data with all nuisances integrated out; each cut counts with the power of its likelihood."""
+def start_of(
+    g: Grams, nuisances: Sequence[Prior], powers: Sequence[float], apart: gram_matrices.Differences | None = None
+) -> Conditioned:
+    """The data with all nuisances integrated out; each cut counts with the power of its likelihood.
+
+    What repeats differ by is `apart`, with the third of the `powers`; it counts as all else unless given.
+    """
     mixed = powers[0] * g.effort.sum(axis=0) + powers[1] * g.current.sum(axis=0)
+    if apart is not None:
+        at = np.ix_([*apart.places, -1], [*apart.places, -1])
+        mixed[at] += (powers[2] - powers[0]) * apart.square[0]
     squares = np.diag(mixed)[:-1]
     gram = mixed[:-1, :-1] + RIDGE * np.diag(squares)  # rounding must not make it indefinite
     state = Conditioned(gram, mixed[:-1, -1], -0.5 * float(mixed[-1, -1]))

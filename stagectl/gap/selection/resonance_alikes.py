@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 
 from stagectl.gap.effects.effect import Values
-from stagectl.gap.selection import constants, linearised, refine
+from stagectl.gap.selection import constants, linearised, refine, simulation_odds
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -43,5 +43,5 @@ def other_resonances(e: Evidence, library: Library, now: Fitted, valued: EffectV
     rest = [effect for effect in now.effects if effect is not valued]
     after = refine.refine(e, now.model, [*rest, EffectValues(form.effect, values_of(valued.values))])
     instead, present = (linearised.remains(e, library, fitted) for fitted in (after, now))
-    odds = math.exp(-0.5 * linearised.gain_of_strokes(instead, present))
+    odds = math.exp(-0.5 * simulation_odds.gain_of_strokes(instead, present))
     return [after] if odds >= constants.COMPARABLE else []

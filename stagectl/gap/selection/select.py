@@ -37,7 +37,21 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
 
 
 def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
-    """The same from a model `now` on, whose effects may be dropped again."""
+    """The same from a model `now` on, whose effects may be dropped again.
+
+    One that is dropped, or replaced, may have stood in the place of others: these are looked for once more.
+    """
+    whole = _grown_whole(e, library, now, say)
+    found = established(e, library, whole, say)
+    if not _added(found.fitted, whole):
+        return found
+    wider = _grown_whole(e, library, found.fitted, say)
+    more = found if wider is found.fitted else established(e, library, wider, say)
+    return more if len(more.fitted.effects) > len(found.fitted.effects) else found
+
+
+def _grown_whole(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
+    """`now` with everything that joins it."""
     while len(now.effects) < constants.MOST_EFFECTS:
         now = drive_alikes.on_time(e, library, now)  # each time: what else is missing may hide it
         tried = functools.cache(functools.partial(starting_places, e, library, now))
@@ -55,7 +69,7 @@ def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         after = drive_alikes.nearest(e, library, after)
         say(f"added {', '.join(valued.effect.name for valued in _added(now, after))}")
         now = after
-    return established(e, library, now, say)
+    return now
 
 
 def _with_more(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
@@ -161,16 +175,15 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     """`now` with the effect whose column bends that explains most of what is missing; None where none does.
 
     Around the model without it such a column may promise nothing.  Fits take long: only where more than the noise is
-    missing, and an unknown would be said.
+    missing, and no function of a coordinate predicts it, as none does what oscillates.
     """
     missing = linearised.excess(e, library, now)
-    if max(missing) <= refine.floor(e):
+    if e.beside is not None or any(library.predict(e, now).cuts) or max(missing) <= refine.floor(e):
         return None
-    fits = [refine.refine(e, now.model, [*now.effects, start]) for start in tried()]
-    for fitted in sorted(fits, key=lambda fitted: fitted.residual_sum_of_squares):
-        if explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):
-            return _that_stands(e, library, now, fitted)
-    return None
+    fitted = _grown(e, now, tried(), tried())
+    if fitted is None or not explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):
+        return None
+    return _that_stands(e, library, now, fitted)
 
 
 def _fitted(

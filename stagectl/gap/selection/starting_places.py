@@ -18,6 +18,7 @@ from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.thresholds import MISSING_SHARE, PLACE_STEPS, PROMISING_PLACES
+from stagectl.parallel import in_parallel
 
 Starts = Callable[[], Sequence[EffectValues]]  # found once: they take long
 
@@ -37,22 +38,26 @@ def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectVa
     for form in (form for form in library.forms if bends(form.effect) and form.effect.name not in present):
         places.setdefault(form.effect.name, []).append(EffectValues(form.effect, form.values(form.typical)))
     missing = [sum_of_squares([run], [left]) for run, left in zip(e.runs, now.residuals, strict=True)]
-    part = _part(e, telling(np.array(missing), np.array([run.rows for run in e.runs])))
-    found: list[Fitted] = []
-    for tried in _promising(e, part, now, list(places.values())):
-        found.append(_best(e, now, tried, min(map(_left, found), default=math.inf)))
+    chosen = telling(np.array(missing), np.array([run.rows for run in e.runs]))
+    part = _part(e, chosen)
+    on_part = [_by_fit(part, now, of) for of in places.values()]
+    found = [of[0][1] for of in on_part] if chosen.all() else _on_all(e, now, on_part)
     return [fitted.effects[-1] for fitted in sorted(found, key=_left) if math.isfinite(_left(fitted))]
 
 
-def _promising(
-    e: Evidence, part: Evidence, now: Fitted, places: Sequence[Sequence[EffectValues]]
-) -> Sequence[Sequence[EffectValues]]:
-    """Of each effect's places those that explain most of `part`, the best effect first; all where `part` is all."""
-    if len(part.runs) == len(e.runs):
-        return places
-    ranked = [sorted((_left(_after_few_steps(part, now, place)), k) for k, place in enumerate(of)) for of in places]
-    best_first = sorted(zip(ranked, places, strict=True), key=lambda pair: pair[0][0])
-    return [[of[k] for _, k in order[:PROMISING_PLACES]] for order, of in best_first]
+def _by_fit(e: Evidence, now: Fitted, places: Sequence[EffectValues]) -> list[tuple[EffectValues, Fitted]]:
+    """The `places`, each with its fit, in the order of the fits."""
+    fits = in_parallel(lambda place: _after_few_steps(e, now, place), places)
+    return sorted(zip(places, fits, strict=True), key=lambda pair: _left(pair[1]))
+
+
+def _on_all(e: Evidence, now: Fitted, on_part: Sequence[Sequence[tuple[EffectValues, Fitted]]]) -> list[Fitted]:
+    """The best fit of each effect from its most promising places, the most promising effect first."""
+    found: list[Fitted] = []
+    for of in sorted(on_part, key=lambda of: _left(of[0][1])):
+        promising = [place for place, _ in of[:PROMISING_PLACES]]
+        found.append(_best(e, now, promising, min(map(_left, found), default=math.inf)))
+    return found
 
 
 def _best(e: Evidence, now: Fitted, places: Sequence[EffectValues], rival: float) -> Fitted:

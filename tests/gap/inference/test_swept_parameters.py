@@ -11,7 +11,7 @@ import pytest
 from stagectl.config.stage_file import Setup
 from stagectl.gap.inference import swept_parameters
 from stagectl.gap.result.diagnosis import UNEXPLAINED, FoundEffect, Part, UnknownTerm, Value
-from stagectl.kernels.stage import sliding
+from stagectl.kernels.stage import scaled_friction, sliding
 
 WARMING = FoundEffect("thermal_viscous", (), 0.99, 0.2, {}, fields=(("mechanics.viscous_warming.rise", 0.4),))
 
@@ -111,3 +111,9 @@ def test_the_factors_are_those_of_the_logs(ball_screw: Setup) -> None:
     assert found["stribeck"]["coulomb"] == pytest.approx((1.0, 1.2))
     pressed = 0.03 * 5.0 * ball_screw.stage.motor.force_constant / sliding(ball_screw.stage.friction)
     assert found["load_friction"]["coulomb"] == pytest.approx((1.0, 1.0 + pressed))
+    fitted = now.model.stage
+    cold = fitted.mechanics._replace(viscous=1.2 * fitted.mechanics.viscous)
+    session.stage = fitted._replace(mechanics=cold, friction=scaled_friction(fitted.friction, 2.0))
+    own = swept_parameters.own(session, now)
+    assert own["thermal_viscous"] == ["viscous"]  # the nominal value is one on its way
+    assert own["stribeck"] == own["position_friction"] == []  # twice the friction is none of theirs

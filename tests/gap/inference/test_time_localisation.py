@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.gap.inference import time_localisation
+from stagectl.gap.inference import parameter_errors, swept_parameters, time_localisation
 from stagectl.gap.result.diagnosis import FoundEffect, Value
 from stagectl.gap.selection import refine
+from stagectl.gap.selection.refine import Fitted
 
 DT = 5e-4
 
@@ -69,3 +70,40 @@ def test_spans_bridge_what_is_too_short_to_be_closed() -> None:
 def test_a_single_row_is_no_span() -> None:
     assert time_localisation.stretches(_flags((10, 11)), DT) == ()
     assert time_localisation.stretches(_flags((0, 100)), DT) == ((0.0, 0.05),)
+
+
+def test_what_an_effect_does_counts_from_the_nominal_value_of_its_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine warms by 20 %: a nominal model of the cold one lacks that at the end, one of the warm one before."""
+    taken_back: list[tuple[str, tuple[str, ...]]] = []
+
+    def undone(_: Any, __: Any, rest: Any, *parameters: str) -> str:
+        taken_back.append((",".join(valued.effect.name for valued in rest.effects), parameters))
+        return "less"
+
+    monkeypatch.setattr(parameter_errors, "undone", undone)
+    monkeypatch.setattr(swept_parameters, "own", lambda *_: {"warming": ["viscous"]})
+    effects = [
+        SimpleNamespace(effect=SimpleNamespace(name=name, block="mechanics", time_variation=variation))
+        for name, variation in (("warming", "decay"), ("ripple", None))
+    ]
+    now: Any = Fitted(SimpleNamespace(), tuple(effects), [], 0.0)  # type: ignore[arg-type]
+    monkeypatch.setattr(Fitted, "equipped", "whole")
+    parts = time_localisation._effects(None, None, now)  # type: ignore[arg-type]
+    assert taken_back == [("ripple", ("viscous",)), ("warming", ())]
+    assert [part.aging for part in parts] == [True, False]
+
+
+def test_another_controller_opens_the_gap_where_its_command_differs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tenth of the largest difference, and a single row that does not count, change nothing; no held-out log."""
+    difference = np.zeros(100)
+    difference[10:40], difference[60:80] = 1.0, -0.1
+    difference[15] = np.nan
+    comparisons = [
+        SimpleNamespace(log=SimpleNamespace(name=name, rows=100, held_out=name == "held.csv"), difference=difference)
+        for name in ("sine.csv", "held.csv")
+    ]
+    monkeypatch.setattr(time_localisation, "compared", lambda *_: comparisons)
+    (spans,) = time_localisation.spans_of_command(SimpleNamespace(dt=DT), 1e-3)  # type: ignore[arg-type]
+    assert spans.file == "sine.csv" and spans.spans == ((0.005, 0.02),) and spans.duration == 0.05
+    monkeypatch.setattr(time_localisation, "compared", lambda *_: comparisons[1:])
+    assert time_localisation.spans_of_command(SimpleNamespace(dt=DT), 1e-3) == ()  # type: ignore[arg-type]

@@ -97,6 +97,22 @@ def test_what_is_predicted_counts_clear_shapes_and_the_clock_over_all_repeats(mo
     assert unknown.predicted(NOTHING, NOTHING, NOTHING) == Predicted()
 
 
+@pytest.mark.parametrize("repeats", [2, 3, 10])
+def test_noise_alone_leaves_no_more_above_its_floor(repeats: int) -> None:
+    """In 97.5 % of cases; else a function predicts all of what is left, which is nothing."""
+    rows, source, beyond = 500, np.random.default_rng(5), []
+    run = SimpleNamespace(weight=np.ones(rows), paths=(None,) * repeats)
+    e: Any = SimpleNamespace(runs=[run])
+    for _ in range(2000):
+        noise = source.standard_normal((repeats, rows))
+        apart = noise - noise.mean(axis=0)
+        floor = float(np.sum(apart**2)) / (repeats * (repeats - 1))
+        left = float(np.sum(noise.mean(axis=0) ** 2)) - floor
+        beyond.append(left > shape_fits._unsure(e, floor))
+    assert 0.01 <= np.mean(beyond) <= 0.045
+    assert shape_fits._unsure(e, 0.0) == 0.0  # without repeats nothing is known of the noise
+
+
 def test_a_shape_predicts_what_the_folds_share() -> None:
     """Two folds with the same column in the residual; the limit is what a machine without an effect gains by it."""
     column = np.random.default_rng(1).standard_normal(2000)
