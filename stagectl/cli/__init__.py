@@ -11,3 +11,7 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         raise SystemExit(INTERRUPTED) from None
+    finally:
+        # Where a string was interrupted that Python executes, as each import of a NamedTuple does, `python -m` ends by
+        # the signal, whatever the exit code is.  The next string makes it forget.
+        exec("")

@@ -47,6 +47,26 @@ app.main()
 """
 
 
+_INTERRUPTED_STRING = """\
+from stagectl.cli import app, main
+def run():
+    try:
+        exec("raise KeyboardInterrupt")
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+app.main = run
+main()
+"""
+
+
+def test_an_interrupt_of_a_string_that_is_executed_keeps_the_exit_code(tmp_path: Path) -> None:
+    (tmp_path / "interrupted.py").write_text(_INTERRUPTED_STRING, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "interrupted"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_an_interrupt_that_the_compiler_swallows_is_quiet() -> None:
     done = subprocess.run([sys.executable, "-c", _SWALLOWED_INTERRUPT], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (130, "")
