@@ -105,7 +105,7 @@ def test_what_is_predicted_counts_clear_shapes_and_the_clock_over_all_repeats(mo
 def test_a_direction_matters_as_a_shift_of_coulomb_friction_does(
     ball_screw: Setup, coordinate: str, size: float, matters: bool
 ) -> None:
-    """On two machines of an exam whose gap was at its floor, 14 uN m and 3 mN m were an unknown, and took the Coulomb friction."""
+    """On two machines whose gap was at its floor, 14 uN m and 3 mN m were unknowns that took the Coulomb friction."""
     force = np.full(3, size * sliding(ball_screw.stage.friction))
     now: Any = SimpleNamespace(model=SimpleNamespace(stage=ball_screw.stage))
     assert unknown._matters(UnknownTerm(coordinate, np.zeros(3), force, 1.0), now) is matters
