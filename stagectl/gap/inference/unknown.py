@@ -14,7 +14,7 @@ from stagectl.gap.inference import basis_functions, shape_fits, unstructured_res
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import means
 from stagectl.gap.inference.shape_fits import ShapeFit, best_of, floor_of, least_gain, repeats_of, shape_of
-from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS
+from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS, SHIFT_LEAST
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
@@ -25,6 +25,7 @@ from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library, Predicted
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.effects import TURN
+from stagectl.kernels.stage import sliding
 from stagectl.units import LINEAR
 
 KINDRED = {"position": "position_mod_pitch", "position_mod_pitch": "position"}  # an error of form shows in both
@@ -143,10 +144,21 @@ def _ordered(
     explained = _explained(e, selected)
     if clear := _clear(left.fits, explained, least):
         best = best_of(clear)
-        return shape_of(e, now, gram_matrices.with_columns(smooth.products[best.basis.coordinate], left.own), best)
+        shape = shape_of(e, now, gram_matrices.with_columns(smooth.products[best.basis.coordinate], left.own), best)
+        return shape if _matters(shape, now) else None
     products, combined = shape_fits.with_acceleration(e, now, known, smooth)
     clear = _clear(combined, explained, least)
     return shape_of(e, now, products, best_of(clear)) if clear else None
+
+
+def _matters(shape: UnknownTerm, now: Fitted) -> bool:
+    """Whether a function of the direction alone is as large as a shift of Coulomb friction that matters.
+
+    It is such a shift, or a constant force; next to nothing else it is what the fit of these has left.
+    """
+    if shape.coordinate != "direction":
+        return True
+    return float(np.abs(shape.force).max()) >= SHIFT_LEAST["coulomb"] * sliding(now.model.stage.friction)
 
 
 def _clear(fits: Sequence[ShapeFit], explained: Sequence[Explained], least: float) -> list[ShapeFit]:

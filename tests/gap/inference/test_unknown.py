@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stagectl.config.stage_file import Setup
 from stagectl.gap.inference import shape_fits, unknown, unstructured_residual
 from stagectl.gap.inference.basis_functions import EVEN, INERTIAL, ODD, CoordinateBasis, hats
 from stagectl.gap.inference.shape_fits import ShapeFit
@@ -16,6 +17,7 @@ from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.linearised import Predicted
 from stagectl.kernels.effects import TURN
+from stagectl.kernels.stage import sliding
 
 SPEED = CoordinateBasis("speed", lambda m: m.velocity, hats(np.array([0.0, 1.0, 2.0])), 0.0, 2.0)
 PLACE = SPEED._replace(coordinate="position")
@@ -95,6 +97,18 @@ def test_what_is_predicted_counts_clear_shapes_and_the_clock_over_all_repeats(mo
     course = 149.0
     monkeypatch.setattr(shape_fits, "single_coordinate", lambda *_: [])
     assert unknown.predicted(NOTHING, NOTHING, NOTHING) == Predicted()
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "size", "matters"), [("direction", 1e-5, False), ("direction", 0.05, True), ("position", 1e-5, True)]
+)
+def test_a_direction_matters_as_a_shift_of_coulomb_friction_does(
+    ball_screw: Setup, coordinate: str, size: float, matters: bool
+) -> None:
+    """On two machines whose gap was at its floor, 14 uN m and 3 mN m were unknowns that took the Coulomb friction."""
+    force = np.full(3, size * sliding(ball_screw.stage.friction))
+    now: Any = SimpleNamespace(model=SimpleNamespace(stage=ball_screw.stage))
+    assert unknown._matters(UnknownTerm(coordinate, np.zeros(3), force, 1.0), now) is matters
 
 
 @pytest.mark.parametrize("repeats", [2, 3, 10])
