@@ -127,7 +127,7 @@ def _with(effect: FoundEffect, own: Sequence[FoundEffect]) -> FoundEffect:
     )
 
 
-def own(session: Session, now: Fitted) -> dict[str, list[str]]:
+def own_parameters(session: Session, now: Fitted) -> dict[str, list[str]]:
     """Of each effect of `now` the parameters whose nominal value lies within what it changes them by."""
     nominal, fitted = (_values(p) for p in (session.stage, now.model.stage))
     return {

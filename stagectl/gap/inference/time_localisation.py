@@ -55,7 +55,7 @@ def _effects(session: Session, e: Evidence, now: Fitted) -> list[Contributor]:
 
     Where friction falls as the machine warms, a model of the cold machine lacks that at the end, not at the beginning.
     """
-    own, contributors = swept_parameters.own(session, now), []
+    own, contributors = swept_parameters.own_parameters(session, now), []
     for valued in now.effects:
         rest = now._replace(effects=tuple(other for other in now.effects if other is not valued))
         less = parameter_errors.undone(session, e, rest, *own.get(valued.effect.name, ()))

@@ -177,8 +177,10 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     Around the model without it such a column may promise nothing.  Fits take long: only where more than the noise is
     missing, and no function of a coordinate predicts it, as none does what oscillates.
     """
+    if e.beside is not None:
+        return None
     missing = linearised.excess(e, library, now)
-    if e.beside is not None or any(library.predict(e, now).cuts) or max(missing) <= refine.floor(e):
+    if max(missing) <= refine.floor(e) or any(library.predict(e, now).cuts):
         return None
     fitted = _grown(e, now, tried(), tried())
     if fitted is None or not explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):

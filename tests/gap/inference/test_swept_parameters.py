@@ -114,6 +114,6 @@ def test_the_factors_are_those_of_the_logs(ball_screw: Setup) -> None:
     fitted = now.model.stage
     cold = fitted.mechanics._replace(viscous=1.2 * fitted.mechanics.viscous)
     session.stage = fitted._replace(mechanics=cold, friction=scaled_friction(fitted.friction, 2.0))
-    own = swept_parameters.own(session, now)
+    own = swept_parameters.own_parameters(session, now)
     assert own["thermal_viscous"] == ["viscous"]  # the nominal value is one on its way
     assert own["stribeck"] == own["position_friction"] == []  # twice the friction is none of theirs

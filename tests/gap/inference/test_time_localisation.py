@@ -81,7 +81,7 @@ def test_what_an_effect_does_counts_from_the_nominal_value_of_its_parameter(monk
         return "less"
 
     monkeypatch.setattr(parameter_errors, "undone", undone)
-    monkeypatch.setattr(swept_parameters, "own", lambda *_: {"warming": ["viscous"]})
+    monkeypatch.setattr(swept_parameters, "own_parameters", lambda *_: {"warming": ["viscous"]})
     effects = [
         SimpleNamespace(effect=SimpleNamespace(name=name, block="mechanics", time_variation=variation))
         for name, variation in (("warming", "decay"), ("ripple", None))
