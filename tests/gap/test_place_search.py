@@ -15,7 +15,7 @@ from stagectl.gap.selection.candidates import Form
 
 
 def test_the_place_where_a_fit_begins_is_looked_for_where_most_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search runs on the short run that holds what is missing; of its places that counts which leaves least on both.
+    """It runs on the short run that holds what is missing; of its places that one counts which leaves least on both.
 
     Effects come in that order, without those that diverge.
     """
