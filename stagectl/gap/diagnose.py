@@ -104,7 +104,10 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     library = candidates_of(evidence, size, options)
     timer.begin(Step.SEARCH)
     functions = unknown.functions(evidence, size, library)
-    library = library._replace(predict=lambda e, now: unknown.predicted(e, now, functions))
+    library = library._replace(
+        predict=lambda e, now: unknown.predicted(e, now, functions),
+        rings=lambda e, now: unknown.rings(e, now, functions),
+    )
     evidence, selected = standing(evidence, library, functions, progress)
     fits = Fits(session, agreement.checked, evidence, library, functions, options.excluded)
     said = conclusions_that_hold(fits, selected, timer)

@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import gram_matrices, sensitivities
-from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, starting_places, waves
+from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, waves
 from stagectl.gap.selection.established import Selection, _further_part, _with_rival
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
@@ -152,7 +152,6 @@ def test_what_makes_a_drive_late_is_decided_again_when_more_is_known(
         return SimpleNamespace(model=model, effects=kept, residual_sum_of_squares=left[kept[-1].effect.name])
 
     monkeypatch.setattr(refine, "refine", fitted)
-    monkeypatch.setattr(refine, "first_step", fitted)
     now = SimpleNamespace(
         model=model, effects=(effects[present], effects["lead_friction"]), residual_sum_of_squares=left[present]
     )
@@ -205,12 +204,18 @@ def test_next_to_a_function_an_effect_explains_most_of_what_it_leaves(
 
 
 @pytest.mark.parametrize(
-    ("missing", "left", "ordered", "taken"),
-    [(9e4, 2e4, False, True), (9e4, 6e4, False, False), (6e4, 1e4, False, False), (9e4, 2e4, True, False)],
+    ("missing", "left", "left_over", "taken"),
+    [
+        (9e4, 2e4, "", True),
+        (9e4, 6e4, "", False),
+        (6e4, 1e4, "", False),
+        (6e4, 1e4, "band", True),
+        (9e4, 2e4, "function", False),
+    ],
 )
 @pytest.mark.parametrize("beside", [False, True])
-def test_what_bends_is_fitted_where_more_than_the_noise_is_missing(
-    missing: float, left: float, ordered: bool, taken: bool, beside: bool, monkeypatch: pytest.MonkeyPatch
+def test_what_bends_is_fitted_where_a_band_or_more_than_the_noise_is_missing(
+    missing: float, left: float, left_over: str, taken: bool, beside: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A backlash took 71 % of what was missing in an exam; around the model without it, its column promised nothing.
 
@@ -230,8 +235,8 @@ def test_what_bends_is_fitted_where_more_than_the_noise_is_missing(
     monkeypatch.setattr(refine, "refine", refined)
     monkeypatch.setattr(select, "vanishes", lambda _: False)
     monkeypatch.setattr(select, "_that_stands", lambda _, __, ___, after: after)
-    predicted = linearised.Predicted((missing * ordered, 0.0))
-    library: Any = SimpleNamespace(predict=lambda *_: predicted)
+    predicted = linearised.Predicted((missing * (left_over == "function"), 0.0))
+    library: Any = SimpleNamespace(predict=lambda *_: predicted, rings=lambda *_: left_over == "band")
     after = select._with_bent(e, library, now, lambda: [cast("Any", gap)])
     assert (after is not None) is (taken and not beside)
 
@@ -306,34 +311,6 @@ def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_mod
 def test_a_drive_without_a_delay_is_at_no_end(time: float, expected: bool) -> None:
     effect = SimpleNamespace(name="dead_time", amplitudes=[SimpleNamespace(name="time", low=-1e-3, high=2e-3)])
     assert material.at_bound(cast("Any", SimpleNamespace(effect=effect, values={"time": time}))) == expected
-
-
-def test_the_place_where_a_fit_begins_is_looked_for_where_most_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every place on the short run that holds what is missing; on both runs only the best of them there."""
-    effect = SimpleNamespace(name="compliance", resonant=True, nonlinear=False)
-    forms = [SimpleNamespace(effect=effect, typical=(), values=lambda _, k=k: {"place": k}) for k in range(8)]
-    runs = [SimpleNamespace(rows=rows, weight=np.ones(2)) for rows in (100, 1000)]
-    left = [[np.full((2, 2), size)] for size in (3.0, 2.0)]
-    base = SimpleNamespace(before=left, after=left, products=SimpleNamespace(parts=left, _replace=SimpleNamespace))
-    base._replace = lambda **parts: SimpleNamespace(**{**vars(base), **parts})
-    tried: list[tuple[int, int]] = []
-
-    def refined(e: Any, _: Any, effects: Any, *__: float) -> Any:
-        place = effects[-1].values["place"]
-        tried.append((len(e.runs), place))
-        on_all = {1: 5.0, 2: 4.0, 3: 6.0, 4: 7.0}
-        on_part = abs(place - 2.9) if place else math.nan  # the first diverges there, the fourth is the best
-        left = on_all[place] if len(e.runs) == 2 else on_part
-        return SimpleNamespace(effects=effects, residual_sum_of_squares=left)
-
-    monkeypatch.setattr(refine, "refine", refined)
-    e = refine.Evidence(cast("Any", runs), cast("Any", base), left)
-    now = SimpleNamespace(model=None, effects=(), residuals=left)
-    library = SimpleNamespace(forms=forms)
-    found = starting_places.starting_places(e, cast("Any", library), cast("Any", now))
-    assert [valued.values for valued in found] == [{"place": 2}]
-    assert sorted(place for count, place in tried if count == 1) == list(range(8))
-    assert sorted(place for count, place in tried if count == 2) == [1, 2, 3, 4]
 
 
 @pytest.mark.parametrize(("share", "alone"), [(0.9, True), (1.1, False)])
@@ -452,8 +429,8 @@ def test_a_fit_ends_where_no_further_step_brings_it_to_its_rival(
     assert len(taken) == steps
 
 
-def test_a_late_drive_that_the_model_has_is_not_fitted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The other one begins where it answers as late as that one and the time shift together."""
+def test_every_late_drive_is_tried_anew_from_every_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each begins where it answers as late as what the model has and the time shift together: a fit may be stuck."""
     tried: list[tuple[str, float]] = []
 
     def fitted(_: Any, __: Any, kept: Any, **___: Any) -> Any:
@@ -461,13 +438,12 @@ def test_a_late_drive_that_the_model_has_is_not_fitted_anew(monkeypatch: pytest.
         return SimpleNamespace(model=None, effects=kept, residual_sum_of_squares=300.0)
 
     monkeypatch.setattr(refine, "refine", fitted)
-    monkeypatch.setattr(refine, "first_step", fitted)
     model = SimpleNamespace(shift=1e-4, _replace=lambda **_: None)
     now = SimpleNamespace(model=model, effects=(_late("dead_time", 3e-4),), residual_sum_of_squares=200.0)
     library = _library("current_loop", "dead_time")
     assert drive_alikes.on_time(cast("Any", None), library, cast("Any", now)) is now
-    assert {name for name, _ in tried} == {"current_loop"}
-    assert tried[0][1] == pytest.approx(4e-4)
+    assert {name for name, _ in tried} == {"current_loop", "dead_time"}
+    assert [time for _, time in tried] == pytest.approx([4e-4] * len(tried))
 
 
 @pytest.mark.parametrize(
@@ -496,7 +472,6 @@ def test_another_late_drive_is_alike_where_neither_explains_what_the_other_leave
         return SimpleNamespace(model=model, effects=kept, residuals=None, residual_sum_of_squares=size)
 
     monkeypatch.setattr(refine, "refine", fitted)
-    monkeypatch.setattr(refine, "first_step", fitted)
     model = SimpleNamespace(shift=0.0, _replace=lambda **_: None)
     lag = _late("current_loop", 2e-4)
     now = SimpleNamespace(model=model, effects=(lag,), residuals=None, residual_sum_of_squares=left)

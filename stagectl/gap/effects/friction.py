@@ -72,7 +72,7 @@ PARAMETERS: dict[str, ParametersOf] = {
     "dwell": _dwell,
     "load_friction": sized(Amplitude("share", "", (0.03,), 0.0, 0.5), "friction.load"),
     "position_friction": _position,
-    "lead_friction": lambda s: with_double("friction.lead", "", 0.03, (1.0, *s.orders.get("lead_friction", ())), 0.7),
+    "lead_friction": lambda _: with_double("friction.lead", "", 0.03, (1.0,), 0.7),
     "ball_pass_ripple": lambda s: harmonic_parameters(
         "friction.ball_pass", "", 0.03, s.orders.get("ball_pass_ripple", ()), 0.7
     ),

@@ -67,6 +67,15 @@ def _of_drive(e: Evidence, now: Fitted, smooth: BasisColumns, own: Columns) -> f
     return unstructured_residual.drive_excess(e, residual) * repeats_of(e)
 
 
+def rings(e: Evidence, now: Fitted, smooth: BasisColumns) -> bool:
+    """Whether what `now` leaves of repeated runs would be named an unknown that oscillates."""
+    if not refine.repeated(e):
+        return False
+    known = gram_matrices.with_columns(smooth.known, shape_fits.own_columns(e, now))
+    rows = unstructured_residual.free_rows(e, unstructured_residual.mean_residual(now, known), 0)
+    return unstructured_residual.in_a_band(e, rows, least_gain(e)) is not None
+
+
 class Residual:
     """What a fit leaves, as it is looked at for an unknown and for an error of form; made once, and only if needed."""
 

@@ -45,7 +45,7 @@ class Lines(NamedTuple):
 
     def strongest(self, least: float) -> float | None:
         """The order of the line with most power of those that are `least` high, apart from the lead's; None without."""
-        lead = np.abs(self.orders[:, None] - (1.0, *thresholds.LEAD_ORDERS)).min(axis=1) <= self.apart
+        lead = np.abs(self.orders[:, None] - np.array(thresholds.LEAD_ORDERS)).min(axis=1) <= self.apart
         high = np.where((self.height >= least) & ~lead, self.power, 0.0)
         return self._order(int(np.argmax(high))) if high.any() else None
 
@@ -77,13 +77,12 @@ def orders(p: TrackedModel, runs: Sequence[Run], pitch: float, noise: Whitener) 
     highest = _resolved(runs, pitch, thresholds.ORDERS)
     turns, whole = samples.position / pitch, np.arange(1, highest + 1)
     signals = np.stack([samples.effort, samples.effort * samples.current, samples.effort * samples.direction])
-    cogging, ripple, lead = power(signals, turns, highest)
+    cogging, ripple = power(signals[:2], turns, highest)
     balls = power(signals[2:], turns / thresholds.ORDERS_PER_WHOLE, thresholds.HIGHEST_FRACTIONAL)[0]
     steps = _fractional(pitch / _travel(runs))
     return {
         "cogging": _with_line(peaks(whole, cogging), lines(p, runs, pitch)),
         "current_ripple": peaks(whole, ripple),
-        "lead_friction": tuple(order for order in peaks(whole, lead) if order in thresholds.LEAD_ORDERS),
         "ball_pass_ripple": peaks(steps / thresholds.ORDERS_PER_WHOLE, balls[steps - 1], thresholds.ORDERS_APART),
     }
 

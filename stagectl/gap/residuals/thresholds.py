@@ -77,7 +77,7 @@ ORDERS_PER_WHOLE = 20  # steps between two whole orders, for effects whose order
 APART_FROM_LEAD = 2  # of these steps that an order of a ball pass lies off those of the lead
 LOWEST_FRACTIONAL, HIGHEST_FRACTIONAL = 26, 600  # of these steps, orders of a ball pass: 1.3 to 30
 ORDERS_APART = 0.5  # orders between two ball-pass candidates
-LEAD_ORDERS = (2.0, 3.0)  # orders at which the friction of a lead may vary
+LEAD_ORDERS = (1.0, 2.0)  # orders at which the friction of a lead varies: once and twice a turn, one effect
 COVERED = 0.9  # of a pitch: a run that covers less does not show its orders
 # Where the pitch is not known: steps of a period over the travel; from how many periods, and to how many such steps,
 # always and where the rows resolve them.

@@ -26,10 +26,9 @@ def on_time(e: Evidence, library: Library, now: Fitted) -> Fitted:
     late = [valued for valued in now.effects if valued.effect.name in constants.TIMING]
     if not late and abs(now.model.shift) <= constants.LEAST_SHIFT * e.base.prior.dt:
         return now
-    others = without_effects(library, {valued.effect.name for valued in late})  # those that it has are refined
     rest = _Beside([valued for valued in now.effects if valued not in late], now.model.shift + sum(map(delay, late)))
     rival = now.residual_sum_of_squares if late else most_that_stands(library, now)
-    tried = _later(e, others, now, rest, rival)
+    tried = _later(e, library, now, rest, rival)
     best = min([now, *tried], key=lambda fitted: fitted.residual_sum_of_squares)
     return best if late or stands(library, now, best) else now
 
@@ -134,11 +133,11 @@ def delay(valued: EffectValues) -> float:
 def _later(e: Evidence, library: Library, now: Fitted, beside: _Beside, rival: float) -> list[Fitted]:
     """Every later drive, refined from a log without time shift as far as the sum of squares `rival` is in reach.
 
-    Of places on one effect's grid only that from which one step explains most: all of them lead to the same values.
+    Of one effect the best: where a loop is slow and not damped, no column shows that it might overshoot.
     """
     begin, best = now.model._replace(shift=0.0), dict[str, Fitted]()
     for form in (form for form in library.forms if form.effect.name in constants.TIMING):
         name, valued = form.effect.name, EffectValues(form.effect, form.values([beside.by]))
-        after = refine.first_step(e, begin, [*beside.effects, valued])
+        after = refine.refine(e, begin, [*beside.effects, valued], rival=rival)
         best[name] = min(best.get(name, after), after, key=lambda fitted: fitted.residual_sum_of_squares)
-    return [refine.refine(e, fitted.model, fitted.effects, rival=rival) for fitted in best.values()]
+    return list(best.values())

@@ -111,12 +111,6 @@ def refine(
     return now
 
 
-def first_step(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
-    """One step from these values, the base's columns taken without the effects: enough to tell initial values apart."""
-    now = at_values(e, model, tuple(effects))
-    return _step(e, now).after if np.isfinite(now.residual_sum_of_squares) else now
-
-
 def at_values(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...]) -> Fitted:
     """`model` with `effects` as they are, and what these leave."""
     left = residuals(e, model, effects)

@@ -174,13 +174,13 @@ def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fi
 def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
     """`now` with the effect whose column bends that explains most of what is missing; None where none does.
 
-    Around the model without it such a column may promise nothing.  Fits take long: only where more than the noise is
-    missing, and no function of a coordinate predicts it, as none does what oscillates.
+    Around the model without it such a column may promise nothing.  Fits take long: only where no function of a
+    coordinate predicts what is missing, as none does what oscillates, and it is a band or more than the noise.
     """
     if e.beside is not None:
         return None
     missing = linearised.excess(e, library, now)
-    if max(missing) <= refine.floor(e) or any(library.predict(e, now).cuts):
+    if any(library.predict(e, now).cuts) or (max(missing) <= refine.floor(e) and not library.rings(e, now)):
         return None
     fitted = _grown(e, now, tried(), tried())
     if fitted is None or not explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):

@@ -38,13 +38,13 @@ MOST_SHIFT = 5.0  # control periods by which the logged current may be late or e
 # -- machine scales, effects, refinement -------------------------------------------------------------------------------
 LARGEST_SPEED = 99.5  # percentile of the speed that counts as the largest
 SCALED_CHANGE = 0.1  # share by which a parameter that varies with time is changed for its column
-# Gauss-Newton steps from each place on the grid of a resonance or a gap.  One step towards a belt of 30 Hz ends worse
-# from 27 and 40 Hz than from 600 Hz; after three the nearest places are the best, by a third of the misfit.  A gap of
-# 8.4 mrad was found as 2.0 mrad after one step, as 9.0 after three.
-PLACE_STEPS = 3
 # Of what is missing: on the runs that hold it the places are compared, and the best few of them on all; chosen.  Of 44
 # places of a session with a gap, the best four on a fifth of its rows hold the three that are best on all.
 MISSING_SHARE, PROMISING_PLACES = 0.4, 4
+# Of the search for the place of what bends: members of its population for each parameter, next to the effect's grid;
+# generations; by how much its ranges are wider than the grid.  Chosen.
+SEARCH_MEMBERS, SEARCH_GENERATIONS, SEARCH_WIDER = 8, 12, 3.0
+SEARCH_SEED = 1  # arbitrary; fixed, so that a diagnosis can be repeated
 REFINEMENT_STEPS = 12  # Gauss-Newton steps at most: three left a third of the misfit of a nonlinear viscous friction
 STEP_SHARES = (1.0, 0.4, 0.1)  # of a Gauss-Newton step, tried until one improves the fit
 SHAPE_FACTOR = 1.6  # by which a shape may change in one step
