@@ -201,11 +201,12 @@ def left_of(g: Grams, nuisances: Sequence[Prior], products: gram_matrices.Produc
     Of the current the whole counts: the time shift belongs to the mechanics, and would hide a dead time.
     """
     floor = gram_matrices.noise(products, now.residuals)
-    return _left(g.effort.sum(axis=0), nuisances) - float(floor[0]), float(g.current[:, -1, -1].sum() - floor[1])
+    return left_in_effort(g, nuisances) - float(floor[0]), float(g.current[:, -1, -1].sum() - floor[1])
 
 
-def _left(g: Array, nuisances: Sequence[Prior]) -> float:
-    return float(_strokes_left(g[None], nuisances)[0])
+def left_in_effort(g: Grams, nuisances: Sequence[Prior]) -> float:
+    """Sum of squares of the residual effort that `nuisances` leave, with the noise."""
+    return float(_strokes_left(g.effort.sum(axis=0)[None], nuisances)[0])
 
 
 def _strokes_left(strokes: Array, nuisances: Sequence[Prior]) -> Array:

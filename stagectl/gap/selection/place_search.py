@@ -17,9 +17,10 @@ from scipy.stats import qmc
 
 from stagectl.gap.effects.effect import Definition
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.selection import linearised, refine, thresholds
-from stagectl.gap.selection.candidates import EffectValues, Form
+from stagectl.gap.residuals import gram_matrices, sensitivities
+from stagectl.gap.residuals.thresholds import DIVERGED
+from stagectl.gap.selection import linearised, thresholds
+from stagectl.gap.selection.candidates import EffectValues, Form, equipped
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.parallel import in_parallel
@@ -95,14 +96,21 @@ def _first(axes: Sequence[_Axis], grid: Sequence[Form]) -> Array:
 
 
 def left_by(e: Evidence, library: Library, now: Fitted) -> Callable[[EffectValues], float]:
-    """The sum of squares that `now` leaves with one effect more, above the noise and next to the friction's form."""
+    """The sum of squares of the effort that `now` leaves with one effect more, next to the friction's form.
+
+    What the effect changes is simulated along the mean of the repeats, and the same in all of them.
+    """
     known = linearised.known(e, library, now)
+    nuisances = linearised.parameters(e, now, gram_matrices.fold_sums(known, now.residuals))
+    before = sensitivities.mean_residuals(now.equipped, e.runs, e.base.noise)
 
     def left(place: EffectValues) -> float:
-        residuals = refine.residuals(e, now.model, [*now.effects, place])
-        if not np.isfinite(refine.total(e, residuals)):
+        model = equipped(now.model, [*now.effects, place])
+        after = sensitivities.mean_residuals(model, e.runs, e.base.noise)
+        changes = [then - first for then, first in zip(after, before, strict=True)]
+        if not all(np.abs(change).max() < DIVERGED for change in changes):
             return math.inf
-        g = gram_matrices.fold_sums(known, residuals)
-        return linearised.left_of(g, linearised.parameters(e, now, g), known, now)[0]
+        residuals = [[each + change for each in of] for of, change in zip(now.residuals, changes, strict=True)]
+        return linearised.left_in_effort(gram_matrices.fold_sums(known, residuals), nuisances)
 
     return left
