@@ -68,3 +68,10 @@ def test_a_search_finds_the_deepest_of_many_minima(monkeypatch: pytest.MonkeyPat
         assert any(place == pytest.approx(form.values(form.typical)) for place in seen)
     wider = thresholds.SEARCH_WIDER
     assert all(0.001 / wider <= place["gap"] <= 0.05 * wider * 1.001 and 0.0 <= place["share"] <= 1.0 for place in seen)
+
+
+@pytest.mark.parametrize(("low", "high"), [(20.0, 20.0), (0.0, 0.0), (0.0, 1.0), (2.0, 50.0)])
+def test_an_axis_may_hold_one_value_or_begin_at_none(low: float, high: float) -> None:
+    """Rows of 30 Hz tell one frequency of a drive train; a machine without friction has no rolling zone."""
+    axis = place_search._axis("resonance", (low, high), (low, high))
+    assert [axis.value(axis.along(value)) for value in (low, high)] == pytest.approx([low, high])

@@ -27,22 +27,26 @@ from stagectl.parallel import in_parallel
 
 
 class _Axis(NamedTuple):
-    """A parameter from `low` to `high`: 0 to 1 along the axis, in equal ratios unless it is a share."""
+    """A parameter from `low` to `high`: 0 to 1 along the axis, in equal ratios unless it is a share or may be zero."""
 
     name: str
     low: float
     high: float
-    logarithmic: bool
+    share: bool = False
 
     def value(self, along: float) -> float:
-        if self.logarithmic:
+        if self._in_ratios:
             return float(self.low * (self.high / self.low) ** along)
         return self.low + (self.high - self.low) * along
 
     def along(self, value: float) -> float:
-        if self.logarithmic:
+        if self._in_ratios:
             return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
+        return (value - self.low) / (self.high - self.low) if self.high > self.low else 0.0
+
+    @property
+    def _in_ratios(self) -> bool:
+        return not self.share and 0.0 < self.low < self.high
 
 
 def places(e: Evidence, library: Library, now: Fitted, grid: Sequence[Form]) -> list[EffectValues]:
@@ -78,13 +82,13 @@ def _axes(effect: Definition) -> list[_Axis]:
     axes = [_axis(size.name, size.typical, (size.low, size.high)) for size in effect.amplitudes]
     for shape in effect.shapes:
         limits = (shape.low, shape.high)
-        axes.append(_Axis(shape.name, *limits, False) if shape.share else _axis(shape.name, shape.grid, limits))
+        axes.append(_Axis(shape.name, *limits, share=True) if shape.share else _axis(shape.name, shape.grid, limits))
     return axes
 
 
 def _axis(name: str, usual: Sequence[float], limits: tuple[float, float]) -> _Axis:
     low, high = min(usual) / thresholds.SEARCH_WIDER, max(usual) * thresholds.SEARCH_WIDER
-    return _Axis(name, max(low, limits[0]), min(high, limits[1]), True)
+    return _Axis(name, max(low, limits[0]), min(high, limits[1]))
 
 
 def _first(axes: Sequence[_Axis], grid: Sequence[Form]) -> Array:

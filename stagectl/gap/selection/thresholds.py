@@ -42,7 +42,7 @@ SCALED_CHANGE = 0.1  # share by which a parameter that varies with time is chang
 # places of a session with a gap, the best four on a fifth of its rows hold the three that are best on all.
 MISSING_SHARE, PROMISING_PLACES = 0.4, 4
 # Of the search for the place of what bends: members of its population for each parameter, next to the effect's grid;
-# generations; by how much its ranges are wider than the grid.  Chosen.
+# generations; by how much its ranges are wider than the grid.  Chosen: with half the members one of two gaps is lost.
 SEARCH_MEMBERS, SEARCH_GENERATIONS, SEARCH_WIDER = 8, 12, 3.0
 SEARCH_SEED = 1  # arbitrary; fixed, so that a diagnosis can be repeated
 REFINEMENT_STEPS = 12  # Gauss-Newton steps at most: three left a third of the misfit of a nonlinear viscous friction
