@@ -63,16 +63,20 @@ def _of_drive(e: Evidence, now: Fitted, smooth: BasisColumns, own: Columns) -> f
     """Sum of squares of the current that would be named, over all repeats; 0 without repeats."""
     if not refine.repeated(e):
         return 0.0
-    residual = unstructured_residual.mean_residual(now, gram_matrices.with_columns(smooth.known, own))
-    return unstructured_residual.drive_excess(e, residual) * repeats_of(e)
+    return unstructured_residual.drive_excess(e, _mean_residual(now, smooth, own)) * repeats_of(e)
+
+
+def _mean_residual(now: Fitted, smooth: BasisColumns, own: Columns) -> unstructured_residual.MeanResidual:
+    """What `now` leaves, next to all nuisances and the effects' `own` parameters."""
+    return unstructured_residual.mean_residual(now, gram_matrices.with_columns(smooth.known, own))
 
 
 def rings(e: Evidence, now: Fitted, smooth: BasisColumns) -> bool:
     """Whether what `now` leaves of repeated runs would be named an unknown that oscillates."""
     if not refine.repeated(e):
         return False
-    known = gram_matrices.with_columns(smooth.known, shape_fits.own_columns(e, now))
-    rows = unstructured_residual.free_rows(e, unstructured_residual.mean_residual(now, known), 0)
+    residual = _mean_residual(now, smooth, shape_fits.own_columns(e, now))
+    rows = unstructured_residual.free_rows(e, residual, unstructured_residual.MECHANICS)
     return unstructured_residual.in_a_band(e, rows, least_gain(e)) is not None
 
 
@@ -107,7 +111,7 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns, left: Residu
     if shape:
         return shape
     residual = unstructured_residual.mean_residual(now, known)
-    rows = unstructured_residual.free_rows(e, residual, 0)
+    rows = unstructured_residual.free_rows(e, residual, unstructured_residual.MECHANICS)
     if not refine.repeated(e):
         return unstructured_residual.oscillation(e, rows, least_gain(e))
     kindred = OF_KIN * max((part.gain for part in _explained(e, selected) if part.block != "drive"), default=0.0)
