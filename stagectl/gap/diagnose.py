@@ -17,22 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from stagectl.gap.conclusions_that_hold import Fits, Held, conclusions_that_hold
+from stagectl.gap.conclusions_that_hold import Fits, Held, answer_of
 from stagectl.gap.controller_check.command_check import CommandCheck, check_command
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
-from stagectl.gap.inference import (
-    attribution,
-    cable_centre,
-    constant_force,
-    search_beside,
-    swept_parameters,
-    time_localisation,
-    unknown,
-    value_errors,
-)
-from stagectl.gap.inference.basis_functions import BasisColumns
+from stagectl.gap.inference import attribution, swept_parameters, time_localisation, unknown
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities, whitening
 from stagectl.gap.residuals.base_modes import modes
@@ -106,11 +96,10 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     functions = unknown.functions(evidence, size, library)
     library = library._replace(
         predict=lambda e, now: unknown.predicted(e, now, functions),
-        rings=lambda e, now: unknown.rings(e, now, functions),
+        unordered=lambda e, now: unknown.unordered(e, now, functions),
     )
-    evidence, selected = standing(evidence, library, functions, progress)
     fits = Fits(session, agreement.checked, evidence, library, functions, options.excluded)
-    said = conclusions_that_hold(fits, selected, timer)
+    evidence, said = answer_of(fits, timer, progress)
     result = _answer(session, said)
     timer.begin(Step.EXPERIMENT)
     if options.advice:
@@ -183,24 +172,6 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
         lambda run: sensitivities.all_columns(e.base.model, [run], [*directions, *ensemble], e.base.noise)[0],
     )
     return library_of(e, forms, products)
-
-
-def standing(e: Evidence, library: Library, functions: BasisColumns, progress: Progress) -> tuple[Evidence, Selection]:
-    """The effects that stand and are borne out; those next to a function only where one of these is."""
-    for found in search_beside.searched(e, library, functions, progress):
-        e, selected = _borne_out(found, functions, progress)
-        if selected.beside:
-            break
-    return e, selected
-
-
-def _borne_out(
-    found: search_beside.Searched, functions: BasisColumns, progress: Progress
-) -> tuple[Evidence, Selection]:
-    e, library, selected, known = found
-    selected = value_errors.borne_out(e, library, selected, functions, progress)
-    selected = selected._replace(fitted=cable_centre.centred(e, selected.fitted))
-    return search_beside.alone(*constant_force.settled(e, library, selected, progress), known)
 
 
 def _answer(session: Session, said: Held) -> DiagnosisResult:

@@ -8,6 +8,7 @@ import os
 import resource
 import signal
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -37,6 +38,12 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         target.ask("POST", "recordings/end")
         assert within(300.0, lambda: planners(target) == [True]), "the compiled planner has not taken over"
         yield target
+
+
+@pytest.fixture(scope="module")
+def held(machine: Served) -> Counter[str]:
+    """What the service holds open before the first attack; between two attacks a planner may be starting anew."""
+    return Counter(machine.descriptors())
 
 
 def _processes(machine: Served) -> Iterator[tuple[Path, str]]:
@@ -94,11 +101,8 @@ def on_the_way(machine: Served) -> None:
 
 
 @pytest.mark.parametrize("kinds", [*((kind,) for kind in KINDS), tuple(KINDS)], ids="-".join)
-def test_a_stop_gets_through(machine: Served, kinds: tuple[str, ...]) -> None:
-    assert within(PATIENCE, lambda: children(machine) == RESTING), children(
-        machine
-    )  # of an attack before nothing is left
-    held, files = machine.descriptors(), left_behind(machine)
+def test_a_stop_gets_through(machine: Served, held: Counter[str], kinds: tuple[str, ...]) -> None:
+    files = left_behind(machine)
     with attacked(machine.folder, PORT, *kinds):
         for number in range(STOPS):
             on_the_way(machine)
@@ -106,7 +110,7 @@ def test_a_stop_gets_through(machine: Served, kinds: tuple[str, ...]) -> None:
             machine.until(lambda axis: axis["state"] in ("standing", "disabled"))
         assert owner_reads(machine)  # at once with all who have no key
     assert within(PATIENCE, lambda: children(machine) == RESTING), children(machine)
-    assert within(PATIENCE, lambda: machine.descriptors() == held), (machine.descriptors(), held)
+    assert within(PATIENCE, lambda: Counter(machine.descriptors()) == held), (Counter(machine.descriptors()), held)
     assert within(PATIENCE, lambda: left_behind(machine) == files), left_behind(machine)
     assert machine.axis()["faults"] == 0
     assert "Traceback" not in machine.log

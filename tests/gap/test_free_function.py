@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from stagectl.gap import diagnose
+from stagectl.gap import conclusions_that_hold
 from stagectl.gap.inference import search_beside
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
@@ -89,6 +89,6 @@ def test_what_is_not_borne_out_next_to_a_function_leaves_what_stands_without_it(
         return found.evidence, SimpleNamespace(beside=more, effects=found.selected)
 
     monkeypatch.setattr(search_beside, "searched", lambda *_: [beside, without])
-    monkeypatch.setattr(diagnose, "_borne_out", settled)
-    _, selected = diagnose.standing(*cast("Any", ("evidence", None, None, None)))
+    monkeypatch.setattr(conclusions_that_hold, "_borne_out", settled)
+    _, selected = conclusions_that_hold.standing(*cast("Any", ("evidence", None, None, None)))
     assert cast("Any", selected).effects == effects

@@ -236,7 +236,7 @@ def test_what_bends_is_fitted_where_a_band_or_more_than_the_noise_is_missing(
     monkeypatch.setattr(select, "vanishes", lambda _: False)
     monkeypatch.setattr(select, "_that_stands", lambda _, __, ___, after: after)
     predicted = linearised.Predicted((missing * (left_over == "function"), 0.0))
-    library: Any = SimpleNamespace(predict=lambda *_: predicted, rings=lambda *_: left_over == "band")
+    library: Any = SimpleNamespace(predict=lambda *_: predicted, unordered=lambda *_: left_over == "band")
     after = select._with_bent(e, library, now, lambda: [cast("Any", gap)])
     assert (after is not None) is (taken and not beside)
 

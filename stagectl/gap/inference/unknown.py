@@ -71,13 +71,14 @@ def _mean_residual(now: Fitted, smooth: BasisColumns, own: Columns) -> unstructu
     return unstructured_residual.mean_residual(now, gram_matrices.with_columns(smooth.known, own))
 
 
-def rings(e: Evidence, now: Fitted, smooth: BasisColumns) -> bool:
-    """Whether what `now` leaves of repeated runs would be named an unknown that oscillates."""
+def unordered(e: Evidence, now: Fitted, smooth: BasisColumns) -> bool:
+    """Whether what `now` leaves of repeated runs would be named an unknown that oscillates, or has no order."""
     if not refine.repeated(e):
         return False
     residual = _mean_residual(now, smooth, shape_fits.own_columns(e, now))
     rows = unstructured_residual.free_rows(e, residual, unstructured_residual.MECHANICS)
-    return unstructured_residual.in_a_band(e, rows, least_gain(e)) is not None
+    band = unstructured_residual.in_a_band(e, rows, least_gain(e))
+    return bool(band or _without_order(e, residual.grams, rows, 0.0))
 
 
 class Residual:

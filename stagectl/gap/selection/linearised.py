@@ -60,7 +60,7 @@ class Library(NamedTuple):
     products: gram_matrices.Products
     excess: Cuts  # sum of squares above the floor that the nuisances leave of the baseline fit
     predict: Callable[[Evidence, Fitted], Predicted] = lambda *_: Predicted()
-    rings: Callable[[Evidence, Fitted], bool] = lambda *_: False  # whether a model leaves a band of frequencies
+    unordered: Callable[[Evidence, Fitted], bool] = lambda *_: False  # whether a model leaves what has no order
 
 
 class Linearised(NamedTuple):

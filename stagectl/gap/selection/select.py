@@ -180,7 +180,7 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     if e.beside is not None:
         return None
     missing = linearised.excess(e, library, now)
-    if (max(missing) <= refine.floor(e) and not library.rings(e, now)) or any(library.predict(e, now).cuts):
+    if (max(missing) <= refine.floor(e) and not library.unordered(e, now)) or any(library.predict(e, now).cuts):
         return None
     fitted = _grown(e, now, tried(), tried())
     if fitted is None or not explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):
