@@ -73,7 +73,8 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
     names, powers = tuple(g.names[place] for place in places), [temper(cut, count) for cut in left]
     mean = np.concatenate([prior.mean for prior in nuisances])
     precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
-    apart = _by_the_command(e, now, products, (places, precision / powers[0]))
+    of_current = g.current.sum(axis=0)[np.ix_(places, places)]
+    apart = _by_the_command(e, now, products, (places, (np.diag(precision) + powers[1] * of_current) / powers[0]))
     diluted = _dilution(g.effort.sum(axis=0)[np.ix_(places, places)], names, now, left[0], _jitter(e))
     found = {}
     for way, parts in ways(g, products, now, smooth).items():
@@ -83,20 +84,21 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
 
 
 def _by_the_command(
-    e: Evidence, now: Fitted, products: gram_matrices.Products, prior: tuple[Sequence[int], Array]
+    e: Evidence, now: Fitted, products: gram_matrices.Products, known: tuple[Sequence[int], Array]
 ) -> Array:
     """(k,) What values change by where the force is that of the command, and not that of the measured current.
 
     Where the drive gives another current than its model, or reports another than it gives, one of the two is wrong.
-    `prior` has the places of the columns and their precision.
+    `known` has the places of the columns, and how well they are known but for the force: by their priors and the
+    current.
     """
-    places, precision = prior
+    places, precision = known
     if not baseline_fit.is_measured(e.runs):
         return np.zeros(len(places))
     commanded = [run._replace(mean=run.mean._replace(rows=run.mean.rows * [1.0, 1.0, np.nan])) for run in e.runs]
     measured = sensitivities.mean_residuals(now.equipped, e.runs, e.base.noise)
     other = sensitivities.mean_residuals(now.equipped._replace(shift=0.0), commanded, e.base.noise)
-    a, right = np.diag(precision), np.zeros(len(places))
+    a, right = precision, np.zeros(len(places))
     for part, with_one, with_other in zip(products.parts, measured, other, strict=True):
         columns, repeats = part.mean[0][places].astype(np.float64), len(part.run.paths)
         a = a + repeats * columns @ columns.T
