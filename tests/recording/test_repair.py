@@ -149,7 +149,7 @@ def test_single_misread_values_are_left_out(tmp_path: Path, name: str, size: flo
 
 
 def test_a_spike_of_the_command_that_the_current_follows_is_real(tmp_path: Path) -> None:
-    """A jump of the reference's speed asked for far more than the motion in one period, and the drive gave them in the next one."""
+    """A jump of the reference's speed asked for far more in one period; the drive gave it in the next."""
     columns = damage.spiked(damage.motion(), "current", [1235, 3000, 7001], -40.0)
     columns["command"] = np.roll(columns["current"], -1)
     columns["command"][2999] = columns["command"][2998]  # nobody has asked for the second one
