@@ -42,6 +42,7 @@ STEP_LOOK = 20_000  # rows in which the smallest step of a column is looked for
 SPIKE = 10.0  # times the usual distance of a value from the middle of its neighbours
 SPIKE_FORM = 0.2  # of a spike: what its neighbours may differ by from minus half of it
 SPIKE_EFFORT = 2.0  # times the usual size of an effort: a smaller spike may be real
+ANSWER_ROWS = 3  # within which a current follows a spike of its command: such a spike is real; chosen
 MOST_MISREAD = 0.005  # of the rows: more are no misread values or stamps, but what machine and clock do
 SHOWN_ROWS = 3  # instants that a note names
 WRAP_JUMP = 0.7  # of the range of the positions: a larger change is a wrap or a misread value

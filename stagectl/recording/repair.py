@@ -12,8 +12,8 @@ Two rows that differ and have one stamp cannot both be right, and the log does n
 out, both.  Many are no slips of a clock, and stay: such a log has no times.
 
 A spike is one row that leaves its neighbours and comes back: ``x - (x[k-1] + x[k+1])/2`` is large there, minus half as
-large in the rows beside it, and small elsewhere.  A wrap is a jump that stays, as large as the counter's whole range,
-which the positions fill.
+large in the rows beside it, and small elsewhere.  One of a command that the current follows is real.  A wrap is a jump
+that stays, as large as the counter's whole range, which the positions fill.
 """
 
 import itertools
@@ -105,11 +105,23 @@ def _without_conflicts(columns: dict[str, Array], notes: list[str]) -> dict[str,
 
 def _without_spikes(log: Log, columns: dict[str, Array], notes: list[str]) -> dict[str, Array]:
     time, bad = columns["time"], np.zeros(len(columns["time"]), dtype=np.bool_)
-    for name in (*_POSITIONS, *_EFFORTS):
-        if name in columns and len(rows := spikes(columns[name], name in _EFFORTS)):
+    present = [name for name in (*_POSITIONS, *_EFFORTS) if name in columns]
+    found = {name: spikes(columns[name], name in _EFFORTS) for name in present}
+    for name, rows in _unanswered(columns, found).items():
+        if len(rows):
             bad[rows] = True
             notes.append(f"{label(log, name)} {_spike_words(time - time[0], rows)}")
     return {name: column[~bad] for name, column in columns.items()} if np.any(bad) else columns
+
+
+def _unanswered(columns: Mapping[str, Array], found: Mapping[str, NDArray[np.intp]]) -> dict[str, NDArray[np.intp]]:
+    """The spikes that were `found`, without those of a command that the current follows: these are real."""
+    signed = {name: rows * np.sign(columns[name][rows]) for name, rows in found.items()}
+    left = dict(found)
+    for name, other in itertools.permutations([name for name in _EFFORTS if name in found], 2):
+        apart = np.abs(signed[name][:, None] - signed[other])
+        left[name] = found[name][~np.any(apart <= constants.ANSWER_ROWS, axis=1)]
+    return left
 
 
 def _spike_words(time: Array, rows: NDArray[np.intp]) -> str:

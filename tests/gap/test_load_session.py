@@ -155,6 +155,7 @@ def test_a_foreign_model_with_defaults_in_the_notes(tmp_path: Path) -> None:
         ("friction", "law", "magic", "stop-operator"),
         ("friction", "slip", [1e-3], "1 entries"),
         ("friction", "coulomb", 99.0, "sum"),
+        ("friction", "viscous", 99.0, "stage.viscous"),
         ("controller", "Ki", math.inf, "[-1e15, 1e15]"),
         ("controller", "discretisation", "zoh", "tustin"),
         ("controller", "frame_samples", 3, "2"),
@@ -169,6 +170,17 @@ def test_values_that_cannot_be(folder: Path, block: str, key: str, value: Any, r
     error = caught.value
     assert (error.place, error.key, error.value) == (folder / "nominal.yaml", f"{block}.{key}", value)
     assert rule in error.rule
+
+
+def test_the_viscous_friction_may_stand_with_the_friction(folder: Path) -> None:
+    viscous = load([folder]).stage.mechanics.viscous
+
+    def moved(nominal: dict[str, Any]) -> None:
+        nominal["friction"]["viscous"] = nominal["stage"].pop("viscous")
+
+    edit(folder / "nominal.yaml", moved)
+    session = load([folder])
+    assert session.stage.mechanics.viscous == viscous > 0.0 and "viscous" not in " ".join(session.notes)
 
 
 @pytest.mark.parametrize(

@@ -207,6 +207,7 @@ def test_next_to_a_function_an_effect_explains_most_of_what_it_leaves(
     ("missing", "left", "left_over", "taken"),
     [
         (9e4, 2e4, "", True),
+        (9e4, 5e4, "", True),
         (9e4, 6e4, "", False),
         (6e4, 1e4, "", False),
         (6e4, 1e4, "band", True),

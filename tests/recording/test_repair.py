@@ -148,6 +148,17 @@ def test_single_misread_values_are_left_out(tmp_path: Path, name: str, size: flo
     np.testing.assert_allclose(recording.column("measured"), kept, rtol=1e-9, atol=1e-12)
 
 
+def test_a_spike_of_the_command_that_the_current_follows_is_real(tmp_path: Path) -> None:
+    """A jump of the reference's speed asked for far more in one period; the drive gave it in the next."""
+    columns = damage.spiked(damage.motion(), "current", [1235, 3000, 7001], -40.0)
+    columns["command"] = np.roll(columns["current"], -1)
+    columns["command"][2999] = columns["command"][2998]  # nobody has asked for the second one
+    path = damage.write(tmp_path / "log.csv", columns, "time_s,position_rad,current_A,current_command_A")
+    (recording,) = read(path)
+    (note,) = repairs(recording)
+    assert len(recording.samples) == len(columns["time"]) - 1 and "1.5 s" in note
+
+
 @pytest.mark.parametrize("end", ["EOF\n", "EOF", "6.0,1.2", "6.0,1.2,-", "6.0,1.2,3.1e", "\nEOF\n"])
 def test_a_last_line_that_is_no_row_is_left_out(tmp_path: Path, end: str) -> None:
     columns = damage.motion()

@@ -99,7 +99,7 @@ def refitted_distance(run: PlannedRun, p: Linearised, free: Sequence[Nuisance], 
     """Distance (sigma) of `truth` from the best refit of `p`: Gauss-Newton, its slopes updated by Broyden's rule.
 
     Zero where nearly all of it is hidden: around standstill a prediction is no smooth function of its nuisances, and
-    a refit stops short of the last per cent.  Where a nuisance takes the axis from its loop, no refit is possible.
+    a refit stops short of the last per cent.  A step that takes the axis from its loop tells nothing, and is shortened.
     """
     place, value, slopes = np.zeros(len(p.slopes)), p.value, p.slopes.copy()
     whole = float(np.linalg.norm(truth - value))
@@ -109,8 +109,9 @@ def refitted_distance(run: PlannedRun, p: Linearised, free: Sequence[Nuisance], 
         if not np.isfinite(step).all():
             break
         after = predict(run, _moved(p.model, free, place + step), (place + step)[-1] * run.rollout.dt).values
-        distance = float(np.linalg.norm(truth - after))
-        if math.isfinite(distance):
+        with np.errstate(over="ignore"):  # an axis that has left its loop
+            distance = float(np.linalg.norm(truth - after))
+        if distance < thresholds.OUT_OF_LOOP * whole:
             slopes += np.outer(step / max(float(step @ step), 1e-300), after - value - step @ slopes)
         if not distance < best:
             share *= thresholds.SHORTENED

@@ -59,6 +59,7 @@ FARTHEST_STEP = 0.5  # of a nuisance, mostly a logarithm of the ratio; chosen. B
 WEIGHT_GROUPS = 8  # chosen. Groups of elements of the friction law that are refitted together.
 HIDDEN_SHARE = 0.02  # of a distance; chosen. A refit that leaves less has hidden all of it.
 SHORTENED = 0.3  # ratio; chosen. A step that leads nowhere is shortened by it.
+OUT_OF_LOOP = 100.0  # times the distance; chosen. A prediction so far off is that of an axis that has left its loop.
 SETTLED = 0.98  # of the distance; chosen. A step that leaves more of it is the last one.
 DIFFERENCE_STEP, LENGTH_STEP = 0.02, 0.05  # of a nuisance; chosen. Steps of the differences; of the length.
 

@@ -9,14 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.effects.effect import Scales
+from stagectl.gap.effects.effect import MECHANICS, Scales
+from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.inference import basis_functions, shape_fits, unstructured_residual
 from stagectl.gap.inference.basis_functions import BasisColumns
+from stagectl.gap.inference.cable_centre import BIAS
 from stagectl.gap.inference.coordinates import means
 from stagectl.gap.inference.shape_fits import ShapeFit, best_of, floor_of, least_gain, repeats_of, shape_of
 from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS, SHIFT_LEAST
 from stagectl.gap.logs.session import Session
-from stagectl.gap.residuals import gram_matrices
+from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
@@ -28,6 +30,7 @@ from stagectl.kernels.effects import TURN
 from stagectl.kernels.stage import sliding
 from stagectl.units import LINEAR
 
+ASYMMETRY = "coulomb_asymmetry"
 KINDRED = {"position": "position_mod_pitch", "position_mod_pitch": "position"}  # an error of form shows in both
 
 
@@ -35,7 +38,7 @@ class Explained(NamedTuple):
     """What one effect explains of the mean of the repeats."""
 
     block: str
-    coordinate: str
+    seen_over: tuple[str, ...]
     gain: float  # of the sum of squares
 
 
@@ -181,7 +184,8 @@ def _clear(fits: Sequence[ShapeFit], explained: Sequence[Explained], least: floa
 
 
 def _form_error(coordinate: str, explained: Sequence[Explained]) -> float:
-    return max((OF_KIN * part.gain for part in explained if part.coordinate in kindred(coordinate)), default=0.0)
+    kin = kindred(coordinate)
+    return max((OF_KIN * part.gain for part in explained if not kin.isdisjoint(part.seen_over)), default=0.0)
 
 
 def kindred(coordinate: str) -> set[str]:
@@ -191,10 +195,20 @@ def kindred(coordinate: str) -> set[str]:
 
 def _explained(e: Evidence, selected: Selection) -> list[Explained]:
     gains, repeats = selected.gains, repeats_of(e)
-    return [
-        Explained(part.effect.block, part.effect.coordinate, gains[part.effect.name] / repeats)
-        for part in selected.fitted.effects
-    ]
+    effects = [EFFECTS[part.effect.name] for part in selected.fitted.effects]
+    named = [Explained(effect.block, effect.seen_over, gains[effect.name] / repeats) for effect in effects]
+    return [*named, Explained(MECHANICS, EFFECTS[ASYMMETRY].seen_over, _of_bias(e, selected.fitted) / repeats)]
+
+
+def _of_bias(e: Evidence, now: Fitted) -> float:
+    """What the model loses (sum of squares) with its nominal bias: while the axis slides, an asymmetry is a bias."""
+    names = refine.nuisances(e)
+    if BIAS not in names:
+        return 0.0
+    moved, g = e.base.prior.moved(now.model, BIAS), gram_matrices.fold_sums(e.base.products, now.residuals)
+    places = g.places(names)
+    apart = least_squares.inverse(g.effort.sum(axis=0)[np.ix_(places, places)])
+    return float(moved**2 / apart[names.index(BIAS), names.index(BIAS)])
 
 
 def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, kindred: float) -> UnknownTerm | None:

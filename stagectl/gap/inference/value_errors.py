@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit
+from scipy.stats import chi2
 
 from stagectl.gap.inference.basis_functions import BasisColumns, RunMotion
 from stagectl.gap.logs.session import Array
@@ -28,6 +29,7 @@ from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 CLOCK, EXPERIMENT = "clock", "experiment"
+CONFIDENCE = 0.95  # of all intervals that are stated
 COORDINATES: Mapping[str, Callable[[RunMotion, float], Array]] = {
     "velocity": lambda motion, _: motion.velocity,
     "acceleration": lambda motion, _: motion.acceleration,
@@ -73,7 +75,8 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
     names, powers = tuple(g.names[place] for place in places), [temper(cut, count) for cut in left]
     mean = np.concatenate([prior.mean for prior in nuisances])
     precision = np.concatenate([prior.deviation**-2.0 for prior in nuisances])
-    apart = _by_the_command(e, now, products, (places, precision / powers[0]))
+    of_current = g.current.sum(axis=0)[np.ix_(places, places)]
+    apart = _by_the_command(e, now, products, (places, (np.diag(precision) + powers[1] * of_current) / powers[0]))
     diluted = _dilution(g.effort.sum(axis=0)[np.ix_(places, places)], names, now, left[0], _jitter(e))
     found = {}
     for way, parts in ways(g, products, now, smooth).items():
@@ -83,20 +86,21 @@ def errors(e: Evidence, library: Library, now: Fitted, smooth: BasisColumns) -> 
 
 
 def _by_the_command(
-    e: Evidence, now: Fitted, products: gram_matrices.Products, prior: tuple[Sequence[int], Array]
+    e: Evidence, now: Fitted, products: gram_matrices.Products, known: tuple[Sequence[int], Array]
 ) -> Array:
     """(k,) What values change by where the force is that of the command, and not that of the measured current.
 
     Where the drive gives another current than its model, or reports another than it gives, one of the two is wrong.
-    `prior` has the places of the columns and their precision.
+    `known` has the places of the columns, and how well they are known but for the force: by their priors and the
+    current.
     """
-    places, precision = prior
+    places, precision = known
     if not baseline_fit.is_measured(e.runs):
         return np.zeros(len(places))
     commanded = [run._replace(mean=run.mean._replace(rows=run.mean.rows * [1.0, 1.0, np.nan])) for run in e.runs]
     measured = sensitivities.mean_residuals(now.equipped, e.runs, e.base.noise)
     other = sensitivities.mean_residuals(now.equipped._replace(shift=0.0), commanded, e.base.noise)
-    a, right = np.diag(precision), np.zeros(len(places))
+    a, right = precision, np.zeros(len(places))
     for part, with_one, with_other in zip(products.parts, measured, other, strict=True):
         columns, repeats = part.mean[0][places].astype(np.float64), len(part.run.paths)
         a = a + repeats * columns @ columns.T
@@ -170,7 +174,12 @@ def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisC
 
 
 def _borne_out(valued: EffectValues, known: Mapping[str, Errors]) -> float:
-    """Probability that an effect has a size, as far as those parts of the data agree that must."""
+    """Probability that an effect has a size, as far as those parts of the data agree that must.
+
+    None where the region that is stated, the widest of all, holds no effect: a probability agrees with its interval.
+    """
+    if any(_may_be_none(valued, each) for each in known.values()):
+        return 0.0
     if CLOCK not in known:
         alone = valued.effect.time_variation is not None or valued.effect.name in constants.WAVES
         must = [known[EXPERIMENT]] if alone else known.values()
@@ -179,11 +188,25 @@ def _borne_out(valued: EffectValues, known: Mapping[str, Errors]) -> float:
     return min(_of_size(valued, way, way.between) for way in must)
 
 
+def _may_be_none(valued: EffectValues, known: Errors) -> bool:
+    """Whether the 95 % region of the amplitudes holds zero."""
+    value, names = _amplitudes(valued)
+    scale = np.maximum(abs(value), 1e-300)
+    size, axes = np.linalg.eigh(known.of(names) / np.outer(scale, scale))
+    away = axes.T @ (value / scale)
+    return float(np.sum(away**2 / np.maximum(size, np.finfo(np.float64).eps))) < chi2.ppf(CONFIDENCE, len(value))
+
+
 def _of_size(valued: EffectValues, known: Errors, error: Array) -> float:
-    amplitudes = valued.effect.amplitudes
-    places = [known.names.index(f"{valued.effect.name}.{each.name}") for each in amplitudes]
-    value = np.array([valued.values[each.name] for each in amplitudes])
-    usual = np.array([abs(each.typical[0]) for each in amplitudes])
+    value, names = _amplitudes(valued)
+    places = [known.names.index(name) for name in names]
+    usual = np.array([abs(each.typical[0]) for each in valued.effect.amplitudes])
     prior = constants.WIDEST * np.maximum(abs(value), usual)
     odds = log_odds(value, error[np.ix_(places, places)], prior)
     return float(expit(np.log(constants.INCLUSION) + odds))
+
+
+def _amplitudes(valued: EffectValues) -> tuple[Array, list[str]]:
+    """The amplitudes (k,) of an effect, and their names."""
+    names = [each.name for each in valued.effect.amplitudes]
+    return np.array([valued.values[name] for name in names]), [f"{valued.effect.name}.{name}" for name in names]

@@ -37,7 +37,7 @@ def read(file: Block) -> stage.Stage:
     return stage.Stage(
         _drive(drive, 1 if file.block("controller").has("Ts") else 0),
         stage.Motor(body.number("force_constant", quantity(stage.Motor, "force_constant"))),
-        _mechanics(body),
+        _mechanics(body, rubbing),
         _friction(rubbing),
         _encoder(body, _late(file)),
     )
@@ -50,10 +50,19 @@ def _check_units(body: Block) -> None:
         raise body.refused("torque_unit", f"must be {expected[0]}: convert the values of {body.place.name}")
 
 
-def _mechanics(body: Block) -> stage.Mechanics:
-    inertia, viscous, bias = body.fields(stage.Mechanics, "inertia", viscous=0.0, bias=0.0)
+def _mechanics(body: Block, rubbing: Block) -> stage.Mechanics:
+    inertia, bias = body.fields(stage.Mechanics, "inertia", bias=0.0)
     pitch = body.number("pitch", quantity(stage.Mechanics, "pitch"), TURN)
-    return stage.Mechanics(inertia, viscous, bias, pitch)
+    return stage.Mechanics(inertia, _viscous(body, rubbing), bias, pitch)
+
+
+def _viscous(body: Block, rubbing: Block) -> float:
+    """The viscous friction, from the stage or from the friction: many count it there."""
+    given = [block for block in (body, rubbing) if block.has("viscous")]
+    viscous, *others = (block.number("viscous", quantity(stage.Mechanics, "viscous"), 0.0) for block in given or [body])
+    if any(other != viscous for other in others):
+        raise rubbing.refused("viscous", f"but stage.viscous is {viscous:g}: state it once")
+    return viscous
 
 
 def _drive(drive: Block, late: int) -> stage.Drive:

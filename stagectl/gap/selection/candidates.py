@@ -43,6 +43,11 @@ class EffectValues(NamedTuple):
     values: Mapping[str, float]
 
 
+def bends(effect: Definition) -> bool:
+    """Whether a column of the effect holds only near the values at which it was taken."""
+    return effect.resonant or effect.nonlinear
+
+
 def of_the_motor(valued: EffectValues, present: Sequence[EffectValues]) -> tuple[str, ...]:
     """The motor's waves among `present` of which a ball pass `valued` at a whole order may be a harmonic.
 

@@ -6,7 +6,7 @@ from collections.abc import Set as AbstractSet
 
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.selection import constants, linearised, refine
-from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.candidates import EffectValues, bends
 from stagectl.gap.selection.linearised import Cuts, Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 
@@ -34,7 +34,9 @@ def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues
     before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
     if late:  # the current shows it, whatever is missing in the mechanics
         return explains_most(before[1:], after[1:], linearised.strokes(e))
-    return explains_most(before, after, linearised.strokes(e)) or explains(before, after, library.predict(e, rest).cuts)
+    least = constants.ADEQUATE_BENT if bends(valued.effect) else constants.ADEQUATE
+    most = explains_most(before, after, linearised.strokes(e), least)
+    return most or explains(before, after, library.predict(e, rest).cuts)
 
 
 def stands(library: Library, before: Fitted, after: Fitted) -> bool:
@@ -63,14 +65,16 @@ def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
     return any(p and adequate(b, a, p) for b, a, p in zip(before, after, predicted, strict=True))
 
 
-def explains_most(before: Sequence[float], after: Sequence[float], strokes: int) -> bool:
-    """Whether one of the cuts, of which more is left than noise of as many `strokes`, loses most of it."""
-    return any(b > strokes and adequate(b, a, b) for b, a in zip(before, after, strict=True))
+def explains_most(
+    before: Sequence[float], after: Sequence[float], strokes: int, least: float = constants.ADEQUATE
+) -> bool:
+    """Whether one of the cuts, of which more is left than noise of as many `strokes`, loses the share `least` of it."""
+    return any(b > strokes and adequate(b, a, b, least) for b, a in zip(before, after, strict=True))
 
 
-def adequate(before: float, after: float, predicted: float) -> bool:
-    """Whether a sum of squares falls by most of what is `predicted` of it."""
-    return before - after >= constants.ADEQUATE * min(predicted, before)
+def adequate(before: float, after: float, predicted: float, least: float = constants.ADEQUATE) -> bool:
+    """Whether a sum of squares falls by the share `least` of what is `predicted` of it."""
+    return before - after >= least * min(predicted, before)
 
 
 def at_bound(valued: EffectValues) -> bool:

@@ -18,12 +18,12 @@ from collections.abc import Mapping, Sequence
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
-from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.candidates import EffectValues, bends
 from stagectl.gap.selection.established import Say, Selection, established, vanishes
 from stagectl.gap.selection.linearised import Cuts, Library, Linearised
 from stagectl.gap.selection.material import adequate, at_bound, explains, explains_most, refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.starting_places import Starts, bends, starting_places
+from stagectl.gap.selection.starting_places import Starts, starting_places
 
 
 def select(e: Evidence, library: Library, say: Say) -> Selection:
@@ -172,7 +172,7 @@ def _with_small(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fi
 
 
 def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fitted | None:
-    """`now` with the effect whose column bends that explains most of what is missing; None where none does.
+    """`now` with the effect whose column bends that explains enough of what is missing; None where none does.
 
     Around the model without it such a column may promise nothing.  Fits take long: only where no function of a
     coordinate predicts what is missing, as none does what oscillates, and it is a band or more than the noise.
@@ -183,9 +183,14 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     if (max(missing) <= refine.floor(e) and not library.unordered(e, now)) or any(library.predict(e, now).cuts):
         return None
     fitted = _grown(e, now, tried(), tried())
-    if fitted is None or not explains_most(missing, linearised.excess(e, library, fitted), linearised.strokes(e)):
+    if fitted is None:
         return None
-    return _that_stands(e, library, now, fitted)
+    left, strokes = linearised.excess(e, library, fitted), linearised.strokes(e)
+    return (
+        _that_stands(e, library, now, fitted)
+        if explains_most(missing, left, strokes, constants.ADEQUATE_BENT)
+        else None
+    )
 
 
 def _fitted(

@@ -11,21 +11,15 @@ from operator import itemgetter
 
 import numpy as np
 
-from stagectl.gap.effects.effect import Definition
 from stagectl.gap.logs.session import Array
 from stagectl.gap.selection import place_search
 from stagectl.gap.selection.baseline_fit import sum_of_squares
-from stagectl.gap.selection.candidates import EffectValues, Form
+from stagectl.gap.selection.candidates import EffectValues, Form, bends
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.thresholds import MISSING_SHARE
 
 Starts = Callable[[], Sequence[EffectValues]]  # found once: they take long
-
-
-def bends(effect: Definition) -> bool:
-    """Whether a column of the effect holds only near the values at which it was taken."""
-    return effect.resonant or effect.nonlinear
 
 
 def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectValues]:

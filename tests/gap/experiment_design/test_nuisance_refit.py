@@ -65,6 +65,19 @@ def test_a_nuisance_that_takes_the_axis_from_its_loop_ends_the_refit(free: list[
     assert nuisance_refit.refitted_distance(RUN, lost, free, truth) == pytest.approx(2.0)
 
 
+def test_a_step_out_of_the_loop_tells_no_slope(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first step is half; from 0.4 on the axis leaves its loop.  A shorter step still reaches the truth at 0.2."""
+
+    def predict(run: object, model: float, shift: float = 0.0) -> Prediction:
+        return Prediction(predicted(model) * (1e200 if model > 0.4 else 1.0), 1.0)
+
+    monkeypatch.setattr(nuisance_refit, "predict", predict)
+    moving = [Nuisance("x", lambda model, amount: model + amount)]  # type: ignore[operator, list-item]
+    flat = at(0.0)._replace(slopes=np.array([[0.1, 0.0, 0.0], np.zeros(3)]))
+    with np.errstate(over="raise"):
+        assert nuisance_refit.refitted_distance(RUN, flat, moving, predicted(0.2)) == 0.0
+
+
 def test_what_may_be_refitted(ball_screw: Setup) -> None:
     p = ball_screw.stage
     names = [nuisance.name for nuisance in nuisance_refit.nuisances(p, False)]

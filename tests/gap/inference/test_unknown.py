@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from stagectl.gap.inference import shape_fits, unknown, unstructured_residual
 from stagectl.gap.inference.basis_functions import EVEN, INERTIAL, ODD, CoordinateBasis, hats
 from stagectl.gap.inference.shape_fits import ShapeFit
 from stagectl.gap.inference.unknown import Explained
+from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.linearised import Predicted
@@ -40,11 +41,26 @@ def test_a_shape_is_clear(changes: dict[str, Any], least: float, clear: bool) ->
 
 def test_an_error_in_the_form_of_an_effect_is_no_unknown_over_its_coordinate() -> None:
     """A quarter of what an effect over the position took may be left, over the position and over the pitch."""
-    cogging = [Explained("mechanics", "position_mod_pitch", 500.0)]
+    cogging = [Explained("mechanics", ("position_mod_pitch",), 500.0)]
     assert unknown._form_error("position", cogging) == unknown._form_error("position_mod_pitch", cogging) == 125.0
     assert unknown._form_error("speed", cogging) == 0.0
     over_place, over_speed = FIT._replace(basis=PLACE), FIT
     assert unknown._clear([over_place, over_speed], cogging, 50.0) == [over_speed]
+
+
+@pytest.mark.parametrize(("free", "gain"), [(True, 4.0 * (2.0 - 1.0 / 3.0)), (False, 0.0)])
+def test_a_bias_explains_what_the_rest_of_the_base_cannot(
+    free: bool, gain: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of an asymmetry the fit makes a bias; after a reversal it leaves a part, which is no unknown next to it."""
+    names = ["inertia", *(["bias"] if free else [])]
+    effort = np.array([[[3.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]]])
+    g = SimpleNamespace(effort=effort, places=lambda wanted: [("inertia", "bias").index(name) for name in wanted])
+    monkeypatch.setattr(gram_matrices, "fold_sums", lambda *_: g)
+    monkeypatch.setattr(refine, "nuisances", lambda _: names)
+    base = SimpleNamespace(prior=SimpleNamespace(moved=lambda model, name: -2.0), products=None)
+    e, now = SimpleNamespace(base=base), SimpleNamespace(model=None, residuals=None)
+    assert unknown._of_bias(*cast("Any", (e, now))) == pytest.approx(gain)
 
 
 @pytest.mark.parametrize(
