@@ -47,6 +47,8 @@ def test_a_base_on_its_feet_may_be_a_load_behind_a_spring(tmp_path: Path) -> Non
     assert other.residual_sum_of_squares == pytest.approx(now.residual_sum_of_squares, rel=0.01)
     ratio = load.values["load_share"] / (1.0 - load.values["load_share"])
     assert ratio == pytest.approx(now.effects[0].values["ratio"], rel=0.05)
+    assert resonance_alikes.simpler(e, library, other).effects[0].effect.name == "base_vibration"
+    assert resonance_alikes.simpler(e, library, now) is now
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])

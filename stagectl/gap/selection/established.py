@@ -91,15 +91,15 @@ def _of_kin(valued: EffectValues, other: EffectValues) -> bool:
 def _with_rival(e: Evidence, library: Library, selection: Selection) -> Fitted | None:
     """The fit with a rival in the place of an effect, where it is then far more probable; None where none is.
 
-    Rivals are comparable around the model.  How much each explains its own fit tells, but of two scales of the current:
-    between them the base decides.
+    Rivals are comparable around the model.  How much each explains its own fit tells, but of alikes: see `preferred`.
     """
     now, left = selection.fitted, sum(selection.left)
     power = temper(left, linearised.strokes(e))
     for valued in now.effects:
         rest = [other for other in now.effects if other is not valued]
         for rival in selection.rivals.get(valued.effect.name, {}).values():
-            if {valued.effect.name, rival.effect.name} <= {*constants.SCALING}:
+            pair = {valued.effect.name, rival.effect.name}
+            if pair <= {*constants.SCALING} or pair <= {*resonance_alikes.OTHERS}:
                 continue
             fitted = refine.refine(e, now.model, [*rest, rival])
             if 0.5 * power * (left - sum(linearised.excess(e, library, fitted))) > -math.log(constants.COMPARABLE):
@@ -127,7 +127,12 @@ def _in_the_place_of(
 def dropped(e: Evidence, library: Library, now: Fitted, name: str, say: Say) -> Selection:
     """What is established of the other effects, without the effect `name`: with it another of two alikes was nearer."""
     say(f"dropped {name}")
-    return established(e, library, drive_alikes.nearest(e, library, refitted_without(e, now, {name})), say)
+    return established(e, library, preferred(e, library, refitted_without(e, now, {name})), say)
+
+
+def preferred(e: Evidence, library: Library, now: Fitted) -> Fitted:
+    """`now` with those of its effects' alikes which leave the base nearer to its nominal, or are simpler."""
+    return resonance_alikes.simpler(e, library, drive_alikes.nearest(e, library, now))
 
 
 def is_trace(valued: EffectValues) -> bool:

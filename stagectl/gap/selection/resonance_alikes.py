@@ -4,7 +4,7 @@ With all friction at the motor, the answers of the position to the current are o
 
     1 + mu s^2 / (s^2 + 2 zeta w s + w^2)      mu: mass over the base's, or load over what the motor itself moves
 
-Friction at the load tells them apart, as far as there is any.
+Friction at the load tells them apart, as far as there is any.  Where the data show none, the base is the simpler one.
 """
 
 import math
@@ -29,7 +29,15 @@ def _base(v: Values) -> Values:
     return {"ratio": ratio, "frequency": v["resonance"], "damping": v["damping"]}
 
 
-OTHERS: dict[str, Other] = {"base_vibration": ("compliance", _load), "compliance": ("base_vibration", _base)}
+LOAD, BASE = "compliance", "base_vibration"
+OTHERS: dict[str, Other] = {BASE: (LOAD, _load), LOAD: (BASE, _base)}
+
+
+def simpler(e: Evidence, library: Library, now: Fitted) -> Fitted:
+    """`now`, or with a base in the place of a load whose friction, one parameter more, explains next to nothing."""
+    load = next((valued for valued in now.effects if valued.effect.name == LOAD), None)
+    others = other_resonances(e, library, now, load) if load is not None else []
+    return others[0] if others else now
 
 
 def other_resonances(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> list[Fitted]:
