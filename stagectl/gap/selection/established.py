@@ -96,13 +96,14 @@ def _over_its_coordinate(selection: Selection, at: Linearised, valued: EffectVal
     `at` compares them around the model without it, which has bent: a Stribeck curve of another form was a nonlinear
     damping, which left a ninth, where the curve itself leaves a thirtieth.
     """
-    name = valued.effect.name
-    if sum(selection.left) <= constants.FORM * selection.gains[name]:
+    effect = valued.effect
+    if sum(selection.left) <= constants.FORM * selection.gains[effect.name]:
         return []
     present = {other.effect.name for other in selection.fitted.effects}
     alone = [item for item in at.verdict.sets if len(item.effects) == 1 and not item.effects & present]
     first = {other: item for item in reversed(alone) for other in item.effects}
-    kin = [other for other in first if valued.effect.coordinate in EFFECTS[other].seen_over]
+    of_block = [other for other in first if EFFECTS[other].block == effect.block]
+    kin = [other for other in of_block if effect.coordinate in EFFECTS[other].seen_over]
     return [instead for other in kin for instead in at.values(first[other])]
 
 
@@ -112,10 +113,11 @@ def _with_rival(
     """The fit with a rival in the place of an effect, where it is then far more probable; None where none is.
 
     Rivals are comparable around the model, or its `kin`.  How much each explains its own fit tells, but of alikes: see
-    `preferred`.
+    `preferred`.  For each value more it pays by the number of half strokes.  Source: G. Schwarz, Annals of Statistics
+    6(2), 1978.
     """
-    now, left = selection.fitted, sum(selection.left)
-    power = temper(left, linearised.strokes(e))
+    now, left, strokes = selection.fitted, sum(selection.left), linearised.strokes(e)
+    power = temper(left, strokes)
     for valued in now.effects:
         rest = [other for other in now.effects if other is not valued]
         rivals = selection.rivals.get(valued.effect.name, {})
@@ -125,7 +127,9 @@ def _with_rival(
             if pair <= {*constants.SCALING} or pair <= {*resonance_alikes.OTHERS}:
                 continue
             fitted = refine.refine(e, now.model, [*rest, rival])
-            if 0.5 * power * (left - sum(linearised.excess(e, library, fitted))) > -math.log(constants.COMPARABLE):
+            gain = power * (left - sum(linearised.excess(e, library, fitted)))
+            price = (len(rival.values) - len(valued.values)) * math.log(strokes)
+            if 0.5 * (gain - price) > -math.log(constants.COMPARABLE):
                 return fitted
     return None
 
