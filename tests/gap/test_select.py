@@ -12,7 +12,7 @@ import pytest
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, waves
-from stagectl.gap.selection.established import Selection, _further_part, _with_rival
+from stagectl.gap.selection.established import Selection, _further_part, _over_its_coordinate, _with_rival
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
@@ -393,22 +393,48 @@ def test_what_may_be_a_further_part_of_an_effect_is_no_other_one(
     assert _further_part(Selection(fitted, (0.0, 0.0), {}, {}, gains, {})) == dropped
 
 
-@pytest.mark.parametrize(("left", "taken"), [(413.0, True), (840.0, False)])
+@pytest.mark.parametrize(("left", "dearer", "taken"), [(413.0, 0, True), (840.0, 0, False), (413.0, 8, False)])
+@pytest.mark.parametrize("comparable", [True, False])
 def test_a_rival_whose_own_fit_explains_more_takes_the_place(
-    monkeypatch: pytest.MonkeyPatch, left: float, taken: bool
+    monkeypatch: pytest.MonkeyPatch, left: float, dearer: int, taken: bool, comparable: bool
 ) -> None:
-    """A Stribeck friction of the exam was called viscous friction that bends, with itself as the alternative."""
-    bent, stribeck = (SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("viscous_nonlinear", "stribeck"))
+    """A Stribeck friction of the exam was called viscous friction that bends: with itself as an alternative, or not.
+
+    One that needs many values more has to explain more.
+    """
+    names, values = ("viscous_nonlinear", "stribeck"), dict.fromkeys(("rise", "velocity"), 1.0)
+    bent, stribeck = (SimpleNamespace(effect=SimpleNamespace(name=name), values=values) for name in names)
+    stribeck.values = {**values, **dict.fromkeys(range(dearer), 1.0)}
     now: Any = SimpleNamespace(model=None, effects=(bent,))
-    rivals: Any = {"viscous_nonlinear": {"stribeck": stribeck}}
+    rivals: Any = {"viscous_nonlinear": {"stribeck": stribeck} if comparable else {}}
+    kin: Any = {"viscous_nonlinear": [stribeck]}
     selection = Selection(now, (860.0, 0.0), {"viscous_nonlinear": 0.77}, {}, {}, rivals)
     monkeypatch.setattr(refine, "refine", lambda _, __, effects: SimpleNamespace(effects=tuple(effects)))
     monkeypatch.setattr(linearised, "excess", lambda *_: (left, 0.0))
     monkeypatch.setattr(linearised, "strokes", lambda _: 66)
     nothing: Any = None
-    found = _with_rival(nothing, nothing, selection)
+    found = _with_rival(nothing, nothing, selection, kin)
     assert (found is not None) is taken
     assert found is None or [valued.effect.name for valued in found.effects] == ["stribeck"]
+
+
+@pytest.mark.parametrize(("left", "tried"), [(13.0, ["stribeck", "friction_lag"]), (9.0, [])])
+def test_what_leaves_much_is_compared_with_all_others_over_its_coordinate(left: float, tried: list[str]) -> None:
+    """Of a set with another effect, of another coordinate or block, and of what is there already, nothing is tried."""
+    singles = ("cogging", "stribeck", "viscous_asymmetry", "friction_lag", "stribeck", "current_gain")
+    sets = [
+        SimpleNamespace(effects=frozenset(names)) for names in (("stribeck", "dwell"), *((one,) for one in singles))
+    ]
+    at: Any = SimpleNamespace(
+        verdict=SimpleNamespace(sets=sets), values=lambda item: [(*item.effects, sets.index(item))]
+    )
+    shown = {"coordinate": "speed", "block": "mechanics"}
+    effects = [SimpleNamespace(name=name, **shown) for name in ("viscous_nonlinear", "viscous_asymmetry")]
+    bent, other = (cast("Any", SimpleNamespace(effect=effect)) for effect in effects)
+    now: Any = SimpleNamespace(effects=(bent, other))
+    selection = Selection(now, (left, 0.0), {}, {}, {"viscous_nonlinear": 100.0}, {})
+    found: Any = _over_its_coordinate(selection, at, bent)
+    assert sorted(found) == sorted(zip(tried, (2, 4), strict=False))
 
 
 @pytest.mark.parametrize(("rival", "steps"), [(math.inf, 4), (80.0, 4), (20.0, 2), (-1000.0, 1)])

@@ -22,7 +22,7 @@ from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products, folds, partialled_out
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine
-from stagectl.gap.selection.constants import OF_KIN
+from stagectl.gap.selection.constants import FORM, OF_KIN
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.linearised import Library, Predicted
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -35,11 +35,11 @@ KINDRED = {"position": "position_mod_pitch", "position_mod_pitch": "position"}  
 
 
 class Explained(NamedTuple):
-    """What one effect explains of the mean of the repeats."""
+    """What an effect that is there may leave of the mean of the repeats, by an error of its form."""
 
     block: str
     seen_over: tuple[str, ...]
-    gain: float  # of the sum of squares
+    may_leave: float  # sum of squares
 
 
 def functions(e: Evidence, size: Scales, library: Library) -> BasisColumns:
@@ -118,7 +118,7 @@ def unknown(e: Evidence, selected: Selection, smooth: BasisColumns, left: Residu
     rows = unstructured_residual.free_rows(e, residual, unstructured_residual.MECHANICS)
     if not refine.repeated(e):
         return unstructured_residual.oscillation(e, rows, least_gain(e))
-    kindred = OF_KIN * max((part.gain for part in _explained(e, selected) if part.block != "drive"), default=0.0)
+    kindred = max((part.may_leave for part in _explained(e, selected) if part.block != "drive"), default=0.0)
     return (
         unstructured_residual.in_a_band(e, rows, max(least_gain(e), kindred))
         or unstructured_residual.over_the_clock(e, now, smooth, least_gain(e) * repeats_of(e))
@@ -158,7 +158,7 @@ def _ordered(
     now, least = selected.fitted, least_gain(e)
     if shape_fits.squares(e, means(now.residuals)) - floor_of(e) <= max(least, 0.0):
         return None
-    explained = _explained(e, selected)
+    explained = [*_explained(e, selected), _asymmetry(e, now)]
     if clear := _clear(left.fits, explained, least):
         best = best_of(clear)
         shape = shape_of(e, now, gram_matrices.with_columns(smooth.products[best.basis.coordinate], left.own), best)
@@ -185,7 +185,7 @@ def _clear(fits: Sequence[ShapeFit], explained: Sequence[Explained], least: floa
 
 def _form_error(coordinate: str, explained: Sequence[Explained]) -> float:
     kin = kindred(coordinate)
-    return max((OF_KIN * part.gain for part in explained if not kin.isdisjoint(part.seen_over)), default=0.0)
+    return max((part.may_leave for part in explained if not kin.isdisjoint(part.seen_over)), default=0.0)
 
 
 def kindred(coordinate: str) -> set[str]:
@@ -194,21 +194,20 @@ def kindred(coordinate: str) -> set[str]:
 
 
 def _explained(e: Evidence, selected: Selection) -> list[Explained]:
-    gains, repeats = selected.gains, repeats_of(e)
-    effects = [EFFECTS[part.effect.name] for part in selected.fitted.effects]
-    named = [Explained(effect.block, effect.seen_over, gains[effect.name] / repeats) for effect in effects]
-    return [*named, Explained(MECHANICS, EFFECTS[ASYMMETRY].seen_over, _of_bias(e, selected.fitted) / repeats)]
+    effects, each = [EFFECTS[part.effect.name] for part in selected.fitted.effects], OF_KIN / repeats_of(e)
+    return [Explained(effect.block, effect.seen_over, each * selected.gains[effect.name]) for effect in effects]
 
 
-def _of_bias(e: Evidence, now: Fitted) -> float:
-    """What the model loses (sum of squares) with its nominal bias: while the axis slides, an asymmetry is a bias."""
-    names = refine.nuisances(e)
+def _asymmetry(e: Evidence, now: Fitted) -> Explained:
+    """Of a bias that is off: while the axis slides, an asymmetry of friction is one, and after a reversal it is not."""
+    names, seen_over = refine.nuisances(e), EFFECTS[ASYMMETRY].seen_over
     if BIAS not in names:
-        return 0.0
+        return Explained(MECHANICS, seen_over, 0.0)
     moved, g = e.base.prior.moved(now.model, BIAS), gram_matrices.fold_sums(e.base.products, now.residuals)
     places = g.places(names)
     apart = least_squares.inverse(g.effort.sum(axis=0)[np.ix_(places, places)])
-    return float(moved**2 / apart[names.index(BIAS), names.index(BIAS)])
+    lost = float(moved**2 / apart[names.index(BIAS), names.index(BIAS)])  # with the nominal bias
+    return Explained(MECHANICS, seen_over, FORM / repeats_of(e) * lost)
 
 
 def _without_order(e: Evidence, g: Grams, rows: unstructured_residual.FreeRows, kindred: float) -> UnknownTerm | None:

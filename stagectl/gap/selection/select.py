@@ -186,11 +186,8 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     if fitted is None:
         return None
     left, strokes = linearised.excess(e, library, fitted), linearised.strokes(e)
-    return (
-        _that_stands(e, library, now, fitted)
-        if explains_most(missing, left, strokes, constants.ADEQUATE_BENT)
-        else None
-    )
+    enough = explains_most(missing, left, strokes, constants.ADEQUATE_BENT)
+    return _that_stands(e, library, now, fitted) if enough else None
 
 
 def _fitted(

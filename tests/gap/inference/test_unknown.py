@@ -40,8 +40,8 @@ def test_a_shape_is_clear(changes: dict[str, Any], least: float, clear: bool) ->
 
 
 def test_an_error_in_the_form_of_an_effect_is_no_unknown_over_its_coordinate() -> None:
-    """A quarter of what an effect over the position took may be left, over the position and over the pitch."""
-    cogging = [Explained("mechanics", ("position_mod_pitch",), 500.0)]
+    """What an effect over the position may leave is one over the position and over the pitch."""
+    cogging = [Explained("mechanics", ("position_mod_pitch",), 125.0)]
     assert unknown._form_error("position", cogging) == unknown._form_error("position_mod_pitch", cogging) == 125.0
     assert unknown._form_error("speed", cogging) == 0.0
     over_place, over_speed = FIT._replace(basis=PLACE), FIT
@@ -49,7 +49,7 @@ def test_an_error_in_the_form_of_an_effect_is_no_unknown_over_its_coordinate() -
 
 
 @pytest.mark.parametrize(("free", "gain"), [(True, 4.0 * (2.0 - 1.0 / 3.0)), (False, 0.0)])
-def test_a_bias_explains_what_the_rest_of_the_base_cannot(
+def test_a_bias_may_leave_a_tenth_of_what_the_rest_of_the_base_cannot_explain(
     free: bool, gain: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of an asymmetry the fit makes a bias; after a reversal it leaves a part, which is no unknown next to it."""
@@ -59,8 +59,12 @@ def test_a_bias_explains_what_the_rest_of_the_base_cannot(
     monkeypatch.setattr(gram_matrices, "fold_sums", lambda *_: g)
     monkeypatch.setattr(refine, "nuisances", lambda _: names)
     base = SimpleNamespace(prior=SimpleNamespace(moved=lambda model, name: -2.0), products=None)
-    e, now = SimpleNamespace(base=base), SimpleNamespace(model=None, residuals=None)
-    assert unknown._of_bias(*cast("Any", (e, now))) == pytest.approx(gain)
+    e, now = (
+        SimpleNamespace(base=base, runs=[SimpleNamespace(paths=[1, 2])]),
+        SimpleNamespace(model=None, residuals=None),
+    )
+    part = unknown._asymmetry(*cast("Any", (e, now)))
+    assert part.may_leave == pytest.approx(0.1 * gain / 2.0) and "displacement_since_reversal" in part.seen_over
 
 
 @pytest.mark.parametrize(
