@@ -72,7 +72,7 @@ def test_a_step_out_of_the_loop_tells_no_slope(monkeypatch: pytest.MonkeyPatch) 
         return Prediction(predicted(model) * (1e200 if model > 0.4 else 1.0), 1.0)
 
     monkeypatch.setattr(nuisance_refit, "predict", predict)
-    moving = [Nuisance("x", lambda model, amount: model + amount)]  # type: ignore[operator, list-item]
+    moving = [Nuisance("x", lambda model, amount: model + amount)]  # type: ignore[operator]
     flat = at(0.0)._replace(slopes=np.array([[0.1, 0.0, 0.0], np.zeros(3)]))
     with np.errstate(over="raise"):
         assert nuisance_refit.refitted_distance(RUN, flat, moving, predicted(0.2)) == 0.0
