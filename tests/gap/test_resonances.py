@@ -49,6 +49,8 @@ def test_a_base_on_its_feet_may_be_a_load_behind_a_spring(tmp_path: Path) -> Non
     assert ratio == pytest.approx(now.effects[0].values["ratio"], rel=0.05)
     assert resonance_alikes.simpler(e, library, other).effects[0].effect.name == "base_vibration"
     assert resonance_alikes.simpler(e, library, now) is now
+    both = now._replace(effects=(*now.effects, load))
+    assert resonance_alikes.simpler(e, library, both) is both  # no model has two bases
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])

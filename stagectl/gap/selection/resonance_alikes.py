@@ -41,14 +41,14 @@ def simpler(e: Evidence, library: Library, now: Fitted) -> Fitted:
 
 
 def other_resonances(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> list[Fitted]:
-    """`now` with the other one of the two, last, in the place of `valued`; none where it is far worse, or none."""
+    """`now` with the other one of the two, last, for `valued`; none where it is far worse, there already, or unknown."""
     if valued.effect.name not in OTHERS:
         return []
     name, values_of = OTHERS[valued.effect.name]
-    form = next((form for form in library.forms if form.effect.name == name), None)
-    if form is None:
-        return []
     rest = [effect for effect in now.effects if effect is not valued]
+    form = next((form for form in library.forms if form.effect.name == name), None)
+    if form is None or any(effect.effect.name == name for effect in rest):
+        return []
     after = refine.refine(e, now.model, [*rest, EffectValues(form.effect, values_of(valued.values))])
     instead, present = (linearised.remains(e, library, fitted) for fitted in (after, now))
     odds = math.exp(-0.5 * simulation_odds.gain_of_strokes(instead, present))
