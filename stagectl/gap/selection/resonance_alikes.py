@@ -41,7 +41,7 @@ def simpler(e: Evidence, library: Library, now: Fitted) -> Fitted:
 
 
 def other_resonances(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> list[Fitted]:
-    """`now` with the other one of the two, last, for `valued`; none where it is far worse, there already, or unknown."""
+    """`now` with the other one of the two, last, in the place of `valued`; none where it is far worse, or there."""
     if valued.effect.name not in OTHERS:
         return []
     name, values_of = OTHERS[valued.effect.name]
