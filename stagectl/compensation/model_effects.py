@@ -17,7 +17,7 @@ begins with the current that holds since the last one; where the model has chang
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +51,13 @@ class Memory(NamedTuple):
 
 
 def _copied(x: stage.State) -> stage.State:
-    stops = states(len(x.stops))
-    stops[:] = x.stops
-    return x._replace(stops=stops)
+    return x._replace(stops=_own(x.stops), memory=x.memory._replace(stops=_own(x.memory.stops)))
+
+
+def _own(values: Any) -> Any:
+    copied = states(len(values))
+    copied[:] = values
+    return copied
 
 
 def _at(x: stage.State, clock: float) -> stage.State:
@@ -228,12 +232,15 @@ def _within_shares(
         return ()
     for effect in places(p):
         alone = put(way.plain, effect, get(p, effect))
-        rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
+        rubs = _copied(begins)
+        rubbing = {"force": rubs.force, "stops": rubs.stops, "bristle": rubs.bristle}
         first, rests = (
             _at_rest(alone, place, begins.memory.time, 0.0 if way.braked else None)
             for place in (way.origin, begins.position)
         )
-        own, _ = way.for_model(alone).demanded(alone, rests._replace(**rubbing), first)
+        memory = rests.memory._replace(behind=rubs.memory.behind, stops=rubs.memory.stops)
+        rests = rests._replace(memory=memory, **rubbing)
+        own, _ = way.for_model(alone).demanded(alone, rests, first)
         own -= without
         current -= own - period_currents.spread(own, most)
         limited += _limited(effect, own, most)

@@ -93,6 +93,13 @@ def _less(n: float, y: float) -> float:
     return 1.0 - y + square * (0.5 * n - third * y + square * (fourth - fifth * y + square * sixth))
 
 
+def way(w: float, left: float, exponent: float) -> float:
+    """Move s after which ``dw/ds = -w^exponent`` has come from `w` to `left`, both above 0."""
+    if exponent == 1.0:
+        return math.log(w / left)
+    return float((left ** (1.0 - exponent) - w ** (1.0 - exponent)) / (exponent - 1.0))
+
+
 @kernel
 def settled(p: Bristle, load: float, share: float = 1.0) -> float:
     """Deflection (rad | m) with which the bristle carries `load` (N m | N) at rest, up to `share` of what holds it."""

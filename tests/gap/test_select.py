@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import gram_matrices, sensitivities
-from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, waves
+from stagectl.gap.selection import bristle_shape, constants, drive_alikes, linearised, material, refine, select, waves
 from stagectl.gap.selection.established import Selection, _further_part, _over_its_coordinate, _with_rival
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
@@ -39,6 +39,7 @@ def _searched(
     monkeypatch.setattr(refine, "start", lambda _: SimpleNamespace(effects=(), model=None))
     monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
     monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
+    monkeypatch.setattr(bristle_shape, "beside_effects", lambda _, after: after)
     monkeypatch.setattr(select, "_with_more", with_more)
     monkeypatch.setattr(select, "_with_small", lambda *_: None)
     monkeypatch.setattr(waves, "with_wave", lambda *_: None)

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
+from stagectl.gap.selection import bristle_shape, constants, drive_alikes, linearised, refine, waves
 from stagectl.gap.selection.candidates import EffectValues, bends
 from stagectl.gap.selection.established import Say, Selection, established, preferred, vanishes
 from stagectl.gap.selection.linearised import Cuts, Library, Linearised
@@ -66,7 +66,7 @@ def _grown_whole(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted
         if beyond := {valued.effect.name for valued in after.effects if at_bound(valued)}:
             library, now = drive_alikes.without_effects(library, beyond), refitted_without(e, now, beyond)
             continue
-        after = preferred(e, library, after)
+        after = bristle_shape.beside_effects(e, preferred(e, library, after))
         say(f"added {', '.join(valued.effect.name for valued in _added(now, after))}")
         now = after
     return now

@@ -41,7 +41,7 @@ static void observed(model *m) {
 
 static void at_rest(model *m) {
     model_ready(m);
-    m->x = equilibrium_standing(m->p, m->x.stops, m->start_position, m->session_time, 0.0);
+    m->x = equilibrium_standing(m->p, m->x.stops, m->x.memory.stops, m->start_position, m->session_time, 0.0);
     observed(m);
 }
 
