@@ -19,7 +19,7 @@ from stagectl.kernels import (
     transmission,
 )
 from stagectl.kernels.constants import LOAD_STEPS, READING_STEPS
-from stagectl.kernels.jit import kernel
+from stagectl.kernels.jit import kernel, states
 from stagectl.kernels.plant import Contact, Friction, Line, Mechanics, Memory, Motor, Stage, State
 from stagectl.kernels.transmission import Bodies
 
@@ -57,6 +57,13 @@ def standing(p: Stage, stops: Any, at_load: Any, position: float, time: float, h
     here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)
     commands: Line = (held, held, held, held, held, held, held, held)
     return State(commands, here, current, position, 0.0, force, stops, bristle, memory)
+
+
+def copied(x: State) -> State:
+    """`x` with operators of its own, for kernels that change them in place."""
+    stops, at_load = states(len(x.stops)), states(len(x.memory.stops))
+    stops[:], at_load[:] = x.stops, x.memory.stops
+    return x._replace(stops=stops, memory=x.memory._replace(stops=at_load))
 
 
 @kernel

@@ -81,6 +81,15 @@ def turning(path: Path, position: float, back: float) -> Path:
 
 
 @kernel
+def rubbing(m: Memory, behind: Contact) -> Memory:
+    """With another friction at the load."""
+    return Memory(
+        m.time, m.begun, m.acting, m.before, m.heat, m.load, m.load_velocity, m.base, m.base_velocity,
+        m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction, m.rate, behind, m.stops,
+    )  # fmt: skip
+
+
+@kernel
 def pulled_along(path: Path, p: Cable, dx: float) -> Path:
     """The cable after a move `dx` of the load; exact."""
     element = path.cable + dx / p.slip

@@ -31,6 +31,7 @@ from stagectl.kernels import (
     transmission,
 )
 from stagectl.kernels.constants import MOST_STEPS, STICKING_ANGLE
+from stagectl.kernels.equilibrium import copied as copied
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import NO_COMMANDS as NO_COMMANDS
 from stagectl.kernels.plant import SILENT as SILENT
@@ -219,15 +220,6 @@ def _noted(m: Memory, current: float) -> Memory:
     return Memory(
         m.time, pushed(m.begun, m.time), m.acting, current, m.heat, m.load, m.load_velocity, m.base, m.base_velocity,
         m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction, m.rate, m.behind, m.stops,
-    )  # fmt: skip
-
-
-@kernel
-def rubbing(m: Memory, behind: Contact) -> Memory:
-    """With another friction at the load."""
-    return Memory(
-        m.time, m.begun, m.acting, m.before, m.heat, m.load, m.load_velocity, m.base, m.base_velocity,
-        m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction, m.rate, behind, m.stops,
     )  # fmt: skip
 
 

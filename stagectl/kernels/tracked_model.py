@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from stagectl.kernels import feedback, friction_bristle, stage
+from stagectl.kernels import feedback, friction_bristle, plant_with_effects, stage
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import Contact
 from stagectl.kernels.transmission import sprung
@@ -87,7 +87,9 @@ def _carried(p: Tied, x: State, share: float) -> State:
             settled = friction_bristle.settled(bristle, bristle.stiffness * behind.bristle - held)
             more = bristle.stiffness * (settled - behind.bristle)
             carried += at_load * more
-            memory = stage.rubbing(memory, Contact(behind.force + more, settled, behind.lagged, behind.rested))
+            memory = plant_with_effects.rubbing(
+                memory, Contact(behind.force + more, settled, behind.lagged, behind.rested)
+            )
     tracker = feedback.State(x.tracker.error, x.tracker.integral + carried / constant, x.tracker.derivative)
     plant = stage.State(
         plant.commands, plant.latched, plant.current, plant.position, plant.velocity, plant.force + moved, plant.stops,

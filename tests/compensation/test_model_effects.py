@@ -46,9 +46,8 @@ DEFINITIONS = {effect.name: effect for effect in definitions(SCALES) if effect.n
 # across a gap.  A gap of four times the size is another test.
 WITHIN = {"backlash": 3.0}
 # Twice what there is, on motions that stop.  Without compensation the feedback gives up at the next start what it took
-# at rest, which serves a gap, too: 195 nm and no longer 470.  A gap of twice the right size is crossed too far: 430 nm,
-# as before.  It is worse than none beyond 1.2 times.
-OVERDONE = {"backlash": 2.3}
+# at rest, which serves a gap, too: 195 nm and no longer 470.  A gap of twice the right size is crossed too far: 635 nm.
+OVERDONE = {"backlash": 3.4}
 # Of four times the typical load nothing would be left for the motor.  Four times the typical weight, 8 A from one side
 # to the other, and four times a typical map, 7.5 A, are more than their share of the current limit: another test.
 MANY = {"backlash", "compliance", "gravity", "cogging_map"}
@@ -192,7 +191,7 @@ def test_a_gap_that_asks_for_more_than_its_share_gets_the_same_momentum(motion: 
     """A push that is only cut short comes to the load too late, and is worse than none."""
     machine = ball_screw._replace(stage=having(ball_screw.stage, DEFINITIONS["backlash"], 4.0))
     (limited,) = plan(machine, MOTIONS[motion], machine.controller.feedforward).limited
-    assert limited.place == "mechanics.transmission" and limited.demanded > 1.15 * limited.most
+    assert limited.place == "mechanics.transmission" and limited.demanded > 1.05 * limited.most
     assert peak(machine, machine, MOTIONS[motion]) < 0.7 * peak(ball_screw, machine, MOTIONS[motion])
 
 
