@@ -48,6 +48,12 @@ def bends(effect: Definition) -> bool:
     return effect.resonant or effect.nonlinear
 
 
+def in_place(present: Sequence[EffectValues]) -> frozenset[str]:
+    """Names of the effects `present`, and of those that they extend: these have no place of their own any more."""
+    names = {valued.effect.name for valued in present}
+    return frozenset(names | {library.EFFECTS[name].extends for name in names})
+
+
 def of_the_motor(valued: EffectValues, present: Sequence[EffectValues]) -> tuple[str, ...]:
     """The motor's waves among `present` of which a ball pass `valued` at a whole order may be a harmonic.
 

@@ -22,8 +22,11 @@ def directions(model: TrackedModel, effects: Sequence[EffectValues]) -> list[Dir
             continue
         narrow = _narrowness(valued)
         for amplitude in valued.effect.amplitudes:
-            size = max(abs(valued.values[amplitude.name]), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
-            moving.append(_replaced(model, effects, (k, amplitude.name), narrow * thresholds.AMPLITUDE_CHANGE * size))
+            value = valued.values[amplitude.name]
+            step = max(abs(value), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
+            step *= narrow * thresholds.AMPLITUDE_CHANGE
+            inwards = step if value + step <= amplitude.high else -step
+            moving.append(_replaced(model, effects, (k, amplitude.name), inwards))
         moving += [
             _replaced(model, effects, (k, shape.name), narrow * _change(shape, valued.values[shape.name]))
             for shape in _refined(valued)

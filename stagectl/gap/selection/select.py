@@ -250,11 +250,15 @@ def _bent(added: Sequence[EffectValues]) -> bool:
 
 
 def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> list[EffectValues]:
-    """The effects with more of them; a wider form of a present effect takes its place and its values."""
+    """The effects with more of them; a wider form of a present effect takes its place.
+
+    It takes its values, too, unless it bends: then its own were found by a search over all of them.
+    """
     kept, fresh = list(present), []
     for valued in added:
         narrow = next((old for old in kept if old.effect.name == EFFECTS[valued.effect.name].extends), None)
-        known = {} if narrow is None else {name: x for name, x in narrow.values.items() if name in valued.values}
+        known = {} if narrow is None or bends(valued.effect) else narrow.values
         kept = [old for old in kept if old is not narrow]
-        fresh.append(EffectValues(valued.effect, {**valued.values, **known}))
+        taken = {name: x for name, x in known.items() if name in valued.values}
+        fresh.append(EffectValues(valued.effect, {**valued.values, **taken}))
     return [*kept, *fresh]
