@@ -188,6 +188,20 @@ def test_mechanics_stand_where_no_function_predicts_more(
     assert select._stands_against_functions(e, library, *fits) is stands
 
 
+@pytest.mark.parametrize(("predicted_after", "stands"), [(640.0, True), (500.0, False)])
+def test_what_leaves_a_function_as_much_as_before_is_missing_beside_it(
+    predicted_after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Friction that warms up explains little where a Stribeck curve is missing, too; a spring takes from a function."""
+    valued = SimpleNamespace(effect=SimpleNamespace(name="thermal_coulomb", block="mechanics", time_variation=None))
+    before, after = SimpleNamespace(effects=(), left=1200.0), SimpleNamespace(effects=(valued,), left=780.0)
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
+    of = {1200.0: linearised.Predicted((700.0, 0.0), 0.9), 780.0: linearised.Predicted((predicted_after, 0.0))}
+    library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
+    e, fits = cast("Any", SimpleNamespace(beside=None)), (cast("Any", before), cast("Any", after))
+    assert select._stands_against_functions(e, library, *fits) is stands
+
+
 @pytest.mark.parametrize(
     ("left", "drifts", "stands"), [(340.0, False, True), (600.0, False, False), (600.0, True, True)]
 )

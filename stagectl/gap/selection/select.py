@@ -113,20 +113,23 @@ def _that_stands(e: Evidence, library: Library, now: Fitted, after: Fitted) -> F
 def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
     """Whether the mechanics that `after` adds to `now` explain about as much as any function of one coordinate.
 
-    They may leave more than the function does, by an error of their form, or what no function predicts.  Next to a
-    function they have to explain most of what it leaves, unless they drift: a smaller part may be the function's own
-    error of form, which repeats.
+    They may leave more than the function does, by an error of their form, or what no function predicts.  What leaves a
+    function as much to predict as before is no rival of it: both are missing.  Next to a function they have to explain
+    most of what it leaves, unless they drift: a smaller part may be the function's own error of form, which repeats.
     """
     predicted, added = library.predict(e, now), _added(now, after)
     may_be_form = e.beside is not None and not any(valued.effect.time_variation for valued in added)
     if all(valued.effect.block == DRIVE for valued in added) or not (may_be_form or predicted.cuts[0]):
+        return True
+    beyond = library.predict(e, after).cuts[0]
+    if e.beside is None and beyond >= (1.0 - constants.FORM) * predicted.cuts[0]:
         return True
     before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
     if not adequate(before, left, before if may_be_form else predicted.cuts[0]):
         return False
     if left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - predicted.share) * before:
         return True
-    return not library.predict(e, after).cuts[0]
+    return not beyond
 
 
 def _added(now: Fitted, after: Fitted) -> list[EffectValues]:
