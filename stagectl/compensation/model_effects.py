@@ -227,7 +227,8 @@ def _within_shares(
             _at_rest(alone, place, begins.memory.time, 0.0 if way.braked else None)
             for place in (way.origin, begins.position)
         )
-        memory = rests.memory._replace(behind=rubs.memory.behind, stops=rubs.memory.stops)
+        behind = stage.Contact(rubs.force, rubs.bristle, rubs.memory.lagged, rubs.memory.rested)
+        memory = rests.memory._replace(behind=behind, stops=stage.copied(rubs).stops)  # a rigid model has one friction
         rests = rests._replace(memory=memory, **rubbing)
         own, _ = way.for_model(alone).demanded(alone, rests, first)
         own -= without

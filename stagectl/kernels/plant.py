@@ -97,7 +97,9 @@ class Cable(NamedTuple):
     stiffness: Annotated[float, Quantity("N m/rad | N/m", "[0, 1e9]", "k; 0 is neutral")] = 0.0
     centre: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "position at which it does not pull")] = 0.0
     hysteresis: Annotated[float, Quantity("N m | N", "[0, 1e6]", "force of the part that drags; 0 is neutral")] = 0.0
-    slip: Annotated[float, Quantity("rad | m", "(0, 1e3]", "force of that element over its stiffness at rest")] = 1.0
+    slip: Annotated[
+        float, Quantity("rad | m", "(0, 1e3]", "length over which it drags: its force over its stiffness at rest")
+    ] = 1.0
     exponent: Annotated[float, Quantity("", "[0, 4]", "how it goes over into slip; 0: at once, 1: Dahl")] = 0.0
 
 
@@ -255,7 +257,7 @@ class State(NamedTuple):
     current: float  # A, in the motor
     position: float  # rad | m
     velocity: float  # rad/s | m/s
-    force: float  # N m | N, friction at this position and velocity
+    force: float  # N m | N, friction at the motor, as if all of it were there; not kept where all is at the load
     stops: Any  # (n,) operators of the rolling friction, changed in place
     bristle: float  # rad | m, deflection of the bristle
     memory: Memory  # of the effects

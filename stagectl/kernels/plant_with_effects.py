@@ -12,7 +12,7 @@ from typing import NamedTuple
 from stagectl.kernels import drive_effects, effects, friction_bristle, friction_effects, transmission
 from stagectl.kernels.constants import TURN_SHARE
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Cable, Contact, Drive, Encoder, Line, Memory, Motor, Noise, Stage, State
+from stagectl.kernels.plant import Cable, Contact, Drive, Encoder, Line, Mechanics, Memory, Motor, Noise, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 
@@ -224,6 +224,15 @@ def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Mov
         kick = (driving + at.cogging, bias - against, contact.force, behind.force)
         bodies = transmission.kicked(mechanics, c.masses, bodies, kick)
     return _Moving(y.time + steps.number * h, current, rate, acting, bodies, contact, behind, path)
+
+
+@kernel
+def opposing(p: Mechanics, x: State) -> float:
+    """Friction of motor and load together, without its viscous part (N m | N)."""
+    if not transmission.sprung(p):
+        return x.force
+    share = p.transmission.load_friction
+    return (1.0 - share) * x.force + share * x.memory.behind.force
 
 
 @kernel

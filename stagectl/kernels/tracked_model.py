@@ -83,7 +83,7 @@ def _carried(p: Tied, x: State, share: float) -> State:
     if sprung(mechanics):  # the same at the load, unless it rests within a gap
         at_load, behind = mechanics.transmission.load_friction, memory.behind
         carried = (1.0 - at_load) * moved
-        if mechanics.transmission.backlash == 0.0:
+        if abs(plant.position - memory.load) >= 0.5 * mechanics.transmission.backlash:
             settled = friction_bristle.settled(bristle, bristle.stiffness * behind.bristle - held)
             more = bristle.stiffness * (settled - behind.bristle)
             carried += at_load * more

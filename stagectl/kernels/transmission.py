@@ -69,7 +69,7 @@ def sprung(p: Mechanics) -> bool:
 
 
 def rubbed_inertia(p: Mechanics) -> float:
-    """Inertia that would vibrate on all of the friction as fast as the faster of two bodies does on its share of it."""
+    """Inertia that vibrates on the stiffness of the whole friction as fast as the faster body does on its share."""
     if not sprung(p):
         return p.inertia
     load, rubbed = p.transmission.load_share, p.transmission.load_friction

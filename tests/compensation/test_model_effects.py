@@ -20,7 +20,7 @@ from stagectl.kernels.effects import Harmonic, Warming
 from stagectl.kernels.friction import Stribeck
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.kernels.plant import Base, Dwell, Transmission
-from stagectl.kernels.stage import Stage
+from stagectl.kernels.stage import Stage, State
 from stagectl.plan import Plan, Start, plan
 from stagectl.simulation import simulate
 from stagectl.trajectories import Dwell as Rest
@@ -240,12 +240,14 @@ def test_a_process_goes_on_with_what_interpreted_kernels_have_left(ball_screw: S
     first = plan(known, motion, ahead)
     left = first.effects
     assert left is not None
-    listed = left._replace(
-        whole=left.whole._replace(stops=list(left.whole.stops)), plain=left.plain._replace(stops=list(left.plain.stops))
-    )
+    listed = left._replace(whole=_listed(left.whole), plain=_listed(left.plain))
     end = float(first.setpoints[-1, 0])
     rows = [plan(known, motion, ahead, Start(end, effects=memory).copy()).setpoints for memory in (left, listed)]
     assert np.array_equal(rows[0], rows[1])
+
+
+def _listed(x: State) -> State:
+    return x._replace(stops=list(x.stops), memory=x.memory._replace(stops=list(x.memory.stops)))
 
 
 def test_one_effect_is_left_out(ball_screw: Setup) -> None:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals.thresholds import LEAD_ORDERS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, simulation_odds, waves
-from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.candidates import EffectValues, joined
 from stagectl.gap.selection.evidence import fitted_odds, temper
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
 from stagectl.gap.selection.material import is_material, refitted_without, without
@@ -125,7 +125,7 @@ def _with_rival(
             pair = {valued.effect.name, rival.effect.name}
             if pair <= {*constants.SCALING} or pair <= {*resonance_alikes.OTHERS}:
                 continue
-            fitted = refine.refine(e, now.model, [*rest, rival])
+            fitted = refine.refine(e, now.model, joined(rest, [rival]))
             gain = power * (left - sum(linearised.excess(e, library, fitted)))
             odds = fitted_odds(gain, len(rival.values) - len(valued.values), strokes)
             if odds > -math.log(constants.COMPARABLE):

@@ -105,7 +105,7 @@ def fitted_odds(gain: float, more: int, strokes: int) -> float:
 
     Source: G. Schwarz, Annals of Statistics 6(2), 1978.
     """
-    return 0.5 * (gain - more * math.log(strokes))
+    return 0.5 * (gain - more * math.log(max(strokes, 1)))
 
 
 def conditioned(p: Conditioned, prior: Prior, positive: bool = False) -> Conditioned:

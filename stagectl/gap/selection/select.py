@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.selection import bristle_shape, constants, drive_alikes, linearised, refine, waves
-from stagectl.gap.selection.candidates import EffectValues, bends
+from stagectl.gap.selection.candidates import EffectValues, bends, joined
 from stagectl.gap.selection.established import Say, Selection, established, preferred, vanishes
 from stagectl.gap.selection.linearised import Cuts, Library, Linearised
 from stagectl.gap.selection.material import adequate, at_bound, explains, explains_most, refitted_without
@@ -47,7 +47,7 @@ def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         return found
     wider = _grown_whole(e, library, found.fitted, say)
     more = found if wider is found.fitted else established(e, library, wider, say)
-    return more if len(more.fitted.effects) > len(found.fitted.effects) else found
+    return max(found, more, key=lambda s: (len(s.fitted.effects), -s.fitted.residual_sum_of_squares))
 
 
 def _grown_whole(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
@@ -250,18 +250,3 @@ def _if_bent(added: Sequence[EffectValues], tried: Starts) -> Sequence[EffectVal
 def _bent(added: Sequence[EffectValues]) -> bool:
     """Whether the column of one of them explains little away from its place on the grid."""
     return any(bends(valued.effect) for valued in added)
-
-
-def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> list[EffectValues]:
-    """The effects with more of them; a wider form of a present effect takes its place.
-
-    It takes its values, too, unless it bends: then its own were found by a search over all of them.
-    """
-    kept, fresh = list(present), []
-    for valued in added:
-        narrow = next((old for old in kept if old.effect.name == EFFECTS[valued.effect.name].extends), None)
-        known = {} if narrow is None or bends(valued.effect) else narrow.values
-        kept = [old for old in kept if old is not narrow]
-        taken = {name: x for name, x in known.items() if name in valued.values}
-        fresh.append(EffectValues(valued.effect, {**valued.values, **taken}))
-    return [*kept, *fresh]
