@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import statistics
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +15,12 @@ from tests.conftest import ROOT
 
 FILE_LINES = 290  # a file that would be longer is split in two rooms that have names of their own
 MEDIAN, NINETIETH, LONGEST = 8, 17, 60  # lines of a function, from its `def` to its last line
+
+# What stands at the top: nothing else is read there, and what a failed command wrote there is a mistake.
+TOP = {
+    ".ci", ".gitignore", "LICENSE", "Makefile", "README.md", "config", "docs", "examples", "mkdocs.yml",
+    "pyproject.toml", "stagectl", "systemd", "tests", "tools",
+}  # fmt: skip
 
 FILES = sorted((ROOT / "stagectl").rglob("*.py"))
 
@@ -39,6 +46,16 @@ def _functions(path: Path) -> Iterator[Function]:
 def functions() -> list[Function]:
     """All functions of the package, the longest last."""
     return sorted(function for path in FILES for function in _functions(path))
+
+
+def test_the_top_level_holds_what_a_newcomer_expects() -> None:
+    """Of what git keeps; a copy without git may hold anything."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("no repository")
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    assert {path.split("/")[0] for path in listed} == TOP
 
 
 def test_no_file_is_too_long() -> None:

@@ -26,7 +26,6 @@ from stagectl.compensation import encoder_map, period_currents
 from stagectl.compensation.constants import EFFECT_SHARE, EFFECTS_SHARE, INVERSE_STEPS, ROUNDING
 from stagectl.kernels import drive_effects, effects, friction, inverse, stage, transmission
 from stagectl.kernels.fields import get, put
-from stagectl.kernels.jit import states
 from stagectl.kernels.law import SETPOINT_COLUMNS
 
 Array = NDArray[np.float64]
@@ -43,17 +42,11 @@ class Memory(NamedTuple):
 
     def copy(self) -> Memory:
         """One of its own to move on, for the kernels of this process: another may have interpreted its own."""
-        return self._replace(whole=_copied(self.whole), plain=_copied(self.plain))
+        return self._replace(whole=stage.copied(self.whole), plain=stage.copied(self.plain))
 
     def at(self, clock: float) -> Memory:
         """The same at another time (s) of the session's clock: an axis that stands changes its temperature, too."""
         return self._replace(whole=_at(self.whole, clock), plain=_at(self.plain, clock))
-
-
-def _copied(x: stage.State) -> stage.State:
-    stops = states(len(x.stops))
-    stops[:] = x.stops
-    return x._replace(stops=stops)
 
 
 def _at(x: stage.State, clock: float) -> stage.State:
@@ -211,7 +204,7 @@ class _Way(NamedTuple):
 def _resting(p: stage.Stage, x: stage.State) -> float:
     """Current (A) that holds the axis at rest where it is; its state `x` stays."""
     out = np.empty(1)
-    inverse.along(p, _copied(x), np.array([[x.position, 0.0, 0.0]]), 1.0, out)
+    inverse.along(p, stage.copied(x), np.array([[x.position, 0.0, 0.0]]), 1.0, out)
     return float(out[0])
 
 
@@ -228,12 +221,16 @@ def _within_shares(
         return ()
     for effect in places(p):
         alone = put(way.plain, effect, get(p, effect))
-        rubbing = {"force": begins.force, "stops": _copied(begins).stops, "bristle": begins.bristle}
+        rubs = stage.copied(begins)
+        rubbing = {"force": rubs.force, "stops": rubs.stops, "bristle": rubs.bristle}
         first, rests = (
             _at_rest(alone, place, begins.memory.time, 0.0 if way.braked else None)
             for place in (way.origin, begins.position)
         )
-        own, _ = way.for_model(alone).demanded(alone, rests._replace(**rubbing), first)
+        behind = stage.Contact(rubs.force, rubs.bristle, rubs.memory.lagged, rubs.memory.rested)
+        memory = rests.memory._replace(behind=behind, stops=stage.copied(rubs).stops)  # a rigid model has one friction
+        rests = rests._replace(memory=memory, **rubbing)
+        own, _ = way.for_model(alone).demanded(alone, rests, first)
         own -= without
         current -= own - period_currents.spread(own, most)
         limited += _limited(effect, own, most)

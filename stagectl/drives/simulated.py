@@ -73,10 +73,9 @@ class Plant:
 
     def arrest(self, seconds: float) -> None:
         """Let time go on while a brake holds the axis: the current alone changes, under the command that acts."""
-        before, stops = self.state, list(self.state.stops)
+        before = stage.copied(self.state)
         self.drift(seconds)
         after, now = self.state, self.state.memory
-        before.stops[:] = stops
         memory = before.memory._replace(time=now.time, acting=now.acting, heat=now.heat, rate=now.rate)
         self.state = before._replace(current=after.current, velocity=0.0, memory=memory)
 

@@ -19,16 +19,19 @@ from stagectl.kernels import (
     transmission,
 )
 from stagectl.kernels.constants import LOAD_STEPS, READING_STEPS
-from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Friction, Line, Mechanics, Memory, Motor, Stage, State
+from stagectl.kernels.jit import kernel, states
+from stagectl.kernels.plant import Contact, Friction, Line, Mechanics, Memory, Motor, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 _NEVER: Line = (-math.inf,) * 8  # no command has begun
 
 
 @kernel
-def standing(p: Stage, stops: Any, position: float, time: float, held: float) -> State:
-    """The plant at rest at `position` (rad | m), its operators `stops` (n,), changed in place: see `stage.at_rest`."""
+def standing(p: Stage, stops: Any, at_load: Any, position: float, time: float, held: float) -> State:
+    """The plant at rest at `position` (rad | m): see `stage.at_rest`.
+
+    The operators of motor and load, `stops` and `at_load` (n,), change in place.
+    """
     behind, current = position, drive_effects.limited(p.drive, held, p.drive.current_limit, 0.0)
     for _ in range(LOAD_STEPS):
         driving, pulling = efforts(p, position, (time, current), behind)
@@ -45,12 +48,22 @@ def standing(p: Stage, stops: Any, position: float, time: float, held: float) ->
             current = min(max(current - beyond / constant, -p.drive.current_limit), p.drive.current_limit)
             held = drive_effects.called_for(p.drive, current - p.drive.offset)
     memory = Memory(
-        time, _NEVER, -math.inf, current, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0, 0.0
+        time, _NEVER, -math.inf, current, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0, 0.0,
+        Contact(force, bristle, 0.0, 0.0), at_load,
     )  # fmt: skip
+    for j in range(len(stops)):
+        at_load[j] = stops[j]
     seen = plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
     here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)
     commands: Line = (held, held, held, held, held, held, held, held)
     return State(commands, here, current, position, 0.0, force, stops, bristle, memory)
+
+
+def copied(x: State) -> State:
+    """`x` with operators of its own, for kernels that change them in place."""
+    stops, at_load = states(len(x.stops)), states(len(x.memory.stops))
+    stops[:], at_load[:] = x.stops, x.memory.stops
+    return x._replace(stops=stops, memory=x.memory._replace(stops=at_load))
 
 
 @kernel
@@ -73,13 +86,18 @@ def in_motion(p: Stage, x: State, velocity: float, current: float, dt: float) ->
     side = math.copysign(1.0, velocity)
     position = x.position + velocity * p.encoder.delay_samples * dt
     for j in range(len(x.stops)):
-        x.stops[j] = side
+        x.stops[j] = x.memory.stops[j] = side
     bristle = side * friction_bristle.slipping(p.friction.bristle, velocity)
     places = (position - age * velocity * dt for age in range(8))
     a, b, c, d, e, f, g, h = (plant_with_effects.seen(p.encoder, p.mechanics.pitch, place) for place in places)
     commands: Line = (current, current, current, current, current, current, current, current)
-    memory = x.memory._replace(load=x.memory.load + position - x.position, load_velocity=velocity, before=current)
     force = side * sum(p.friction.operators.weight) + p.friction.bristle.stiffness * bristle
+    memory = x.memory._replace(
+        load=x.memory.load + position - x.position,
+        load_velocity=velocity,
+        before=current,
+        behind=Contact(force, bristle, 0.0, 0.0),
+    )
     return State(commands, (a, b, c, d, e, f, g, h), current, position, velocity, force, x.stops, bristle, memory)
 
 

@@ -76,7 +76,7 @@ def left_after(w: float, exponent: float, move: float) -> float:
     if size == 0.0:
         return 0.0
     share = move * math.exp((exponent - 1.0) * math.log(size))
-    if exponent * share < SERIES_BELOW:
+    if max(exponent, 1.0) * share < SERIES_BELOW:
         return w * _less(exponent, share)
     grown = (exponent - 1.0) * share
     return w * math.exp(math.log1p(grown) / (1.0 - exponent)) if grown > -1.0 else 0.0
@@ -91,6 +91,14 @@ def _less(n: float, y: float) -> float:
     sixth = fifth * (5.0 * n - 4.0) / 6.0
     square = y * y
     return 1.0 - y + square * (0.5 * n - third * y + square * (fourth - fifth * y + square * sixth))
+
+
+def way(w: float, left: float, exponent: float) -> float:
+    """Move s after which ``dw/ds = -w^exponent`` has come from `w` to `left`, both above 0."""
+    if exponent == 1.0:
+        return math.log(w / left)
+    less = 1.0 - exponent
+    return math.pow(left, less) * math.expm1(less * math.log(w / left)) / less
 
 
 @kernel

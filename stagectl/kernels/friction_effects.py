@@ -15,12 +15,12 @@ law, and the length is that of the dwell, or the mean slip of the friction's own
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from stagectl.kernels import effects, friction, friction_bristle
 from stagectl.kernels.constants import LEAST_FORCE, LEAST_LIMIT
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Along, Dwell, Friction
+from stagectl.kernels.plant import Along, Contact, Dwell, Friction
 
 
 class Held(NamedTuple):
@@ -36,15 +36,6 @@ class Held(NamedTuple):
     asymmetry: float
     dwell: Dwell
     load: float
-
-
-class Contact(NamedTuple):
-    """The friction at one instant."""
-
-    force: float  # N m | N
-    bristle: float  # rad | m
-    lagged: float  # rad/s | m/s
-    rested: float  # s
 
 
 class Limits(NamedTuple):
@@ -114,6 +105,23 @@ def limits(c: Held, x: Contact, velocity: float, place: float, effort: float) ->
     if c.bristle.coulomb != 0.0:
         bristle = max(factor * friction.stribeck(c.bristle.stribeck, lagged) + pressed, 0.0)
     return Limits(-limit * (1.0 - c.asymmetry), limit * (1.0 + c.asymmetry), bristle, lagged)
+
+
+@kernel
+def rubbed(
+    c: Held,
+    operators: friction.StopOperators,
+    stops: Any,
+    x: Contact,
+    given: tuple[float, float, float, float],
+) -> Contact:
+    """A contact after a step: `given` are velocity, way, factor of the place and motor effort (N m | N).
+
+    The states `stops` (n,) of its operators change in place.
+    """
+    velocity, dx, place, effort = given
+    to = limits(c, x, velocity, place, effort)
+    return slid(c, x, to, friction.stops_between(operators, stops, dx, to.low, to.high), dx)
 
 
 @kernel

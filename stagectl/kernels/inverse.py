@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from stagectl.kernels import effects, friction, friction_effects, plant_with_effects, transmission
 from stagectl.kernels.constants import TURN_SHARE
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Memory, Stage, State
+from stagectl.kernels.plant import Contact, Memory, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 
@@ -31,9 +31,10 @@ class _Given(NamedTuple):
 class _Opposed(NamedTuple):
     """What the motor works against, and what that remembers after the move."""
 
-    friction: float  # N m | N, viscous part and all
+    friction: float  # N m | N, at the motor; viscous part and all, as if all of it were there
+    behind: float  # N m | N, the same at the load
     pull: float  # N m | N, cable and table, less the bias
-    contact: friction_effects.Contact
+    contacts: tuple[Contact, Contact]  # of motor and load
     path: plant_with_effects.Path
     load: float  # rad | m
 
@@ -61,11 +62,11 @@ def along(p: Stage, x: State, motion: Any, h: float, out: Any) -> State:
 @kernel
 def _moved(x: State, h: float, current: float, opposed: _Opposed, bodies: Bodies) -> State:
     """The state after a step of `h` (s)."""
-    m, c, path = x.memory, opposed.contact, opposed.path
+    m, (c, behind), path = x.memory, opposed.contacts, opposed.path
     memory = Memory(
         m.time + h, m.begun, m.acting, x.current, m.heat, bodies.load, bodies.load_velocity, bodies.base,
         bodies.base_velocity, c.lagged, c.rested, path.cable, path.turned, path.furthest, path.direction,
-        m.rate,
+        m.rate, behind, m.stops,
     )  # fmt: skip
     return State(x.commands, x.latched, current, bodies.position, bodies.velocity, c.force, x.stops, c.bristle, memory)
 
@@ -78,10 +79,6 @@ def _opposed(
     masses, c = held
     m, h = x.memory, c.h
     load = m.load + h * m.load_velocity if masses.load > 0.0 else given.position
-    dx = (1.0 - masses.share) * (given.position - x.position) + masses.share * (load - m.load)
-    velocity = (
-        given.velocity + masses.share * (m.load_velocity - given.velocity) if masses.load > 0.0 else given.velocity
-    )
     place = effects.drifting(p.friction.warming, p.friction.step, m.time) * friction_effects.place_factor(
         p.friction.along,
         p.friction.lead,
@@ -89,13 +86,17 @@ def _opposed(
         p.friction.ball_pass,
         (given.position, effects.TURN / p.mechanics.pitch * given.position),
     )
-    contact = friction_effects.Contact(x.force, x.bristle, m.lagged, m.rested)
     driving = p.motor.force_constant * (2.0 * x.current - m.before)  # as it is now: the last two steps', continued
-    limits = _limits_now(c, contact, (velocity, velocity - 0.5 * (given.velocity - x.velocity), dx), place, driving)
-    force = friction.stops_between(p.friction.operators, x.stops, dx, limits.low, limits.high)
-    contact = friction_effects.slid(c, contact, limits, force, dx)
+    contact, behind = Contact(x.force, x.bristle, m.lagged, m.rested), m.behind
+    if masses.share < 1.0:
+        v = given.velocity
+        motion = (v, v - 0.5 * (v - x.velocity), given.position - x.position)
+        contact = _rubbed(p, (c, x.stops), contact, motion, (place, driving))
+    if masses.share > 0.0:
+        v = m.load_velocity
+        behind = _rubbed(p, (c, m.stops), behind, (v, v, load - m.load), (place, driving))
     path = plant_with_effects.Path(m.cable, m.turned, m.furthest, m.direction)
-    path = plant_with_effects.pulled_along(path, p.mechanics.cable.slip, load - m.load)
+    path = plant_with_effects.pulled_along(path, p.mechanics.cable, load - m.load)
     bodies = Bodies(given.position, given.velocity, load, m.load_velocity, m.base, m.base_velocity)
     pull = transmission.pulled(p.mechanics, load, path.cable) - p.mechanics.bias
     code = p.residual.coordinate
@@ -103,14 +104,30 @@ def _opposed(
         path = plant_with_effects.turning(path, given.position, TURN_SHARE * c.length)
         place = plant_with_effects.coordinate(code, p.mechanics.pitch, bodies, path, (x.current, m.time))
         pull += effects.looked_up(p.residual, place)
-    viscous = transmission.viscous(p.mechanics, masses, velocity) * velocity
-    return _Opposed(contact.force + viscous, pull, contact, path, load)
+    drag = transmission.viscous(p.mechanics, masses, given.velocity) * given.velocity
+    load_drag = transmission.viscous(p.mechanics, masses, m.load_velocity) * m.load_velocity
+    return _Opposed(contact.force + drag, behind.force + load_drag, pull, (contact, behind), path, load)
+
+
+@kernel
+def _rubbed(
+    p: Stage,
+    held: tuple[friction_effects.Held, Any],
+    x: Contact,
+    motion: tuple[float, float, float],
+    given: tuple[float, float],
+) -> Contact:
+    """A contact after the `motion` (velocity, mean velocity, way); see `friction_effects.rubbed`."""
+    (c, stops), (place, driving) = held, given
+    limits = _limits_now(c, x, motion, place, driving)
+    force = friction.stops_between(p.friction.operators, stops, motion[2], limits.low, limits.high)
+    return friction_effects.slid(c, x, limits, force, motion[2])
 
 
 @kernel
 def _limits_now(
     c: friction_effects.Held,
-    x: friction_effects.Contact,
+    x: Contact,
     motion: tuple[float, float, float],
     place: float,
     effort: float,
@@ -127,7 +144,7 @@ def _limits_now(
     if c.dwell.rise == 0.0:
         return limits
     aged = friction_effects.slid(c, x, limits, x.force, dx).rested
-    now = friction_effects.Contact(x.force, x.bristle, x.lagged, aged)
+    now = Contact(x.force, x.bristle, x.lagged, aged)
     return friction_effects.limits(c, now, velocity, place, effort)
 
 
@@ -145,7 +162,7 @@ def _effort(c: transmission.Coefficients, m: Memory, given: _Given, opposed: _Op
             c, Bodies(given.position, given.velocity, opposed.load, m.load_velocity, m.base, m.base_velocity)
         )
         load_share = c.load / (c.motor + c.load)
-        free = (spring - opposed.pull - c.share * opposed.friction) / c.load
+        free = (spring - opposed.pull - c.share * opposed.behind) / c.load
     share = 1.0 + mu * (1.0 - load_share)
     # The base's velocity is half a step old, and the feet damp it as it is now: half a step of the recoil later.
     recoil = mu * (given.acceleration * (1.0 - load_share) + load_share * free) + feet

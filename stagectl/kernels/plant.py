@@ -88,12 +88,19 @@ class Motor(NamedTuple):
 
 
 class Cable(NamedTuple):
-    """A cable that pulls towards its centre, with a Maxwell element: ``k (x - centre) + hysteresis s``."""
+    """A cable that pulls towards its centre, and drags: ``k (x - centre) + hysteresis s``.
+
+    ``ds/dx = (1 - s sgn(dx))^exponent / slip`` (Dahl): an exponent of 0 is a spring that slips at once, a Maxwell
+    element; 1 bends towards its force as cables in a chain do.
+    """
 
     stiffness: Annotated[float, Quantity("N m/rad | N/m", "[0, 1e9]", "k; 0 is neutral")] = 0.0
     centre: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "position at which it does not pull")] = 0.0
-    hysteresis: Annotated[float, Quantity("N m | N", "[0, 1e6]", "force of the element that slips; 0 is neutral")] = 0.0
-    slip: Annotated[float, Quantity("rad | m", "(0, 1e3]", "displacement at which that element slips")] = 1.0
+    hysteresis: Annotated[float, Quantity("N m | N", "[0, 1e6]", "force of the part that drags; 0 is neutral")] = 0.0
+    slip: Annotated[
+        float, Quantity("rad | m", "(0, 1e3]", "length over which it drags: its force over its stiffness at rest")
+    ] = 1.0
+    exponent: Annotated[float, Quantity("", "[0, 4]", "how it goes over into slip; 0: at once, 1: Dahl")] = 0.0
 
 
 class Transmission(NamedTuple):
@@ -210,6 +217,15 @@ class Stage(NamedTuple):
     residual: effects.Table = effects.NO_TABLE
 
 
+class Contact(NamedTuple):
+    """Friction at one instant, of one of two bodies as if all of it were there."""
+
+    force: float  # N m | N
+    bristle: float  # rad | m, its deflection
+    lagged: float  # rad/s | m/s, velocity in Stribeck's factor
+    rested: float  # s, age of the contact
+
+
 class Memory(NamedTuple):
     """What the effects remember; untouched where they are neutral."""
 
@@ -224,11 +240,13 @@ class Memory(NamedTuple):
     base_velocity: float  # rad/s | m/s
     lagged: float  # rad/s | m/s, velocity in Stribeck's factor
     rested: float  # s, age of the contact
-    cable: float  # of its Maxwell element, in [-1, 1]
+    cable: float  # share of the force with which it drags, in [-1, 1]
     turned: float  # rad | m, last reversal
     furthest: float  # rad | m, since then
     direction: float  # of the motion since then: -1, 0 before any, 1
     rate: float  # A/s, of the motor current
+    behind: Contact  # friction at the load behind the transmission
+    stops: Any  # (n,) operators of the rolling friction there, changed in place
 
 
 class State(NamedTuple):
@@ -239,7 +257,7 @@ class State(NamedTuple):
     current: float  # A, in the motor
     position: float  # rad | m
     velocity: float  # rad/s | m/s
-    force: float  # N m | N, friction at this position and velocity
+    force: float  # N m | N, friction at the motor, as if all of it were there; not kept where all is at the load
     stops: Any  # (n,) operators of the rolling friction, changed in place
     bristle: float  # rad | m, deflection of the bristle
     memory: Memory  # of the effects

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.kernels import drive_effects, effects, friction, friction_effects, transmission
+from stagectl.kernels import drive_effects, effects, friction_bristle, friction_effects, transmission
 from stagectl.kernels.constants import TURN_SHARE
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Drive, Encoder, Line, Memory, Motor, Noise, Stage, State
+from stagectl.kernels.plant import Cable, Contact, Drive, Encoder, Line, Mechanics, Memory, Motor, Noise, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 
@@ -81,9 +81,23 @@ def turning(path: Path, position: float, back: float) -> Path:
 
 
 @kernel
-def pulled_along(path: Path, slip: float, dx: float) -> Path:
-    """The cable's element after a move `dx` of the load."""
-    return Path(min(max(path.cable + dx / slip, -1.0), 1.0), path.turned, path.furthest, path.direction)
+def rubbing(m: Memory, behind: Contact) -> Memory:
+    """With another friction at the load."""
+    return Memory(
+        m.time, m.begun, m.acting, m.before, m.heat, m.load, m.load_velocity, m.base, m.base_velocity,
+        m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction, m.rate, behind, m.stops,
+    )  # fmt: skip
+
+
+@kernel
+def pulled_along(path: Path, p: Cable, dx: float) -> Path:
+    """The cable after a move `dx` of the load; exact."""
+    element = path.cable + dx / p.slip
+    if p.exponent > 0.0:
+        side = math.copysign(1.0, dx)
+        left = 1.0 - side * path.cable
+        element = side * (1.0 - friction_bristle.left_after(left, p.exponent, abs(dx) / p.slip))
+    return Path(min(max(element, -1.0), 1.0), path.turned, path.furthest, path.direction)
 
 
 @kernel
@@ -124,7 +138,8 @@ class _Moving(NamedTuple):
     rate: float  # A/s
     acting: float  # s
     bodies: Bodies
-    contact: friction_effects.Contact
+    contact: Contact
+    behind: Contact  # at the load
     path: Path
 
 
@@ -149,14 +164,14 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, steps: Steps) -> State:
         transmission.coefficients(p.mechanics, m.time, steps.contact.h),
     )
     bodies = Bodies(x.position, x.velocity, m.load, m.load_velocity, m.base, m.base_velocity)
-    contact = friction_effects.Contact(x.force, x.bristle, m.lagged, m.rested)
+    contact = Contact(x.force, x.bristle, m.lagged, m.rested)
     path = Path(m.cable, m.turned, m.furthest, m.direction)
-    y = _stepped(p, (steps, kept), x, _Moving(m.time, x.current, m.rate, m.acting, bodies, contact, path))
+    y = _stepped(p, (steps, kept), x, _Moving(m.time, x.current, m.rate, m.acting, bodies, contact, m.behind, path))
     heat = drive_effects.heated(p.drive, m.heat, y.current, dt)
     b, c, w = y.bodies, y.contact, y.path
     memory = Memory(
         m.time + dt, m.begun, y.acting, m.before, heat, b.load, b.load_velocity, b.base, b.base_velocity,
-        c.lagged, c.rested, w.cable, w.turned, w.furthest, w.direction, y.rate,
+        c.lagged, c.rested, w.cable, w.turned, w.furthest, w.direction, y.rate, y.behind, m.stops,
     )  # fmt: skip
     return State(x.commands, x.latched, y.current, b.position, b.velocity, c.force, x.stops, c.bristle, memory)
 
@@ -164,7 +179,9 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, steps: Steps) -> State:
 @kernel
 def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Moving:
     """All steps of one drift: kick, drift, kick."""
-    current, rate, acting, bodies, contact, path = y.current, y.rate, y.acting, y.bodies, y.contact, y.path
+    current, rate, acting, bodies, path, contact, behind = (
+        y.current, y.rate, y.acting, y.bodies, y.path, y.contact, y.behind,
+    )  # fmt: skip
     steps, c = given
     later, faster, mean = steps.loop
     held = steps.contact
@@ -183,26 +200,39 @@ def _stepped(p: Stage, given: tuple[Steps, _Kept], x: State, y: _Moving) -> _Mov
         error = current - target
         driving = at.constant * (target + (error * mean[0] + rate * mean[1]) + c.extra)
         error, rate = error * later[0] + rate * later[1], error * faster[0] + rate * faster[1]
-        bodies = transmission.kicked(mechanics, c.masses, bodies, (driving + at.cogging, bias - against, contact.force))
+        kick = (driving + at.cogging, bias - against, contact.force, behind.force)
+        bodies = transmission.kicked(mechanics, c.masses, bodies, kick)
         load, bodies = bodies.load, transmission.moved(c.masses, bodies)
         angle = c.turn * bodies.position
         at = motoring(motor, angle)
         driving = at.constant * (target + (error * mean[0] + rate * mean[1]) + c.extra)
         error, rate = error * later[0] + rate * later[1], error * faster[0] + rate * faster[1]
         current = target + error
-        velocity = bodies.velocity + c.masses.share * (bodies.load_velocity - bodies.velocity)
         place = c.drift * friction_effects.place_factor(along, lead, second, balls, (bodies.position, angle))
-        limits = friction_effects.limits(held, contact, velocity, place, driving)
-        force = friction.stops_between(operators, stops, h * velocity, limits.low, limits.high)
-        contact = friction_effects.slid(held, contact, limits, force, h * velocity)
-        path = pulled_along(path, mechanics.cable.slip, bodies.load - load)
+        if c.masses.share < 1.0:
+            v = bodies.velocity
+            contact = friction_effects.rubbed(held, operators, stops, contact, (v, h * v, place, driving))
+        if c.masses.share > 0.0:
+            v = bodies.load_velocity
+            behind = friction_effects.rubbed(held, operators, x.memory.stops, behind, (v, h * v, place, driving))
+        path = pulled_along(path, mechanics.cable, bodies.load - load)
         against = transmission.pulled(mechanics, bodies.load, path.cable)
         if code != effects.NONE:
             path = turning(path, bodies.position, back)
             now = coordinate(code, mechanics.pitch, bodies, path, (current, time + h))
             against += effects.looked_up(p.residual, now)
-        bodies = transmission.kicked(mechanics, c.masses, bodies, (driving + at.cogging, bias - against, contact.force))
-    return _Moving(y.time + steps.number * h, current, rate, acting, bodies, contact, path)
+        kick = (driving + at.cogging, bias - against, contact.force, behind.force)
+        bodies = transmission.kicked(mechanics, c.masses, bodies, kick)
+    return _Moving(y.time + steps.number * h, current, rate, acting, bodies, contact, behind, path)
+
+
+@kernel
+def opposing(p: Mechanics, x: State) -> float:
+    """Friction of motor and load together, without its viscous part (N m | N)."""
+    if not transmission.sprung(p):
+        return x.force
+    share = p.transmission.load_friction
+    return (1.0 - share) * x.force + share * x.memory.behind.force
 
 
 @kernel

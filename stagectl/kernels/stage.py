@@ -31,9 +31,11 @@ from stagectl.kernels import (
     transmission,
 )
 from stagectl.kernels.constants import MOST_STEPS, STICKING_ANGLE
+from stagectl.kernels.equilibrium import copied as copied
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import NO_COMMANDS as NO_COMMANDS
 from stagectl.kernels.plant import SILENT as SILENT
+from stagectl.kernels.plant import Contact as Contact
 from stagectl.kernels.plant import Drive as Drive
 from stagectl.kernels.plant import Encoder as Encoder
 from stagectl.kernels.plant import Friction as Friction
@@ -72,7 +74,8 @@ def at_rest(p: Stage, position: float = 0.0, time: float = 0.0, held: float = 0.
     Its friction carries what else acts on the axis: bias, cogging, cable; behind a transmission the load is where
     spring and gap balance.
     """
-    return equilibrium.standing(p, friction.relaxed(p.friction.operators), float(position), float(time), float(held))
+    stops, at_load = friction.relaxed(p.friction.operators), friction.relaxed(p.friction.operators)
+    return equilibrium.standing(p, stops, at_load, float(position), float(time), float(held))
 
 
 def at_reading(p: Stage, measured: float, time: float = 0.0, held: float = 0.0) -> State:
@@ -126,7 +129,7 @@ def longest_slip(p: Friction) -> float:
 
 def steps_that_hold(p: Stage, dt: float, least: int) -> int:
     """Integration steps of a period `dt` (s): `least`, or as many as the friction's stiffness needs."""
-    turn = math.sqrt(stiffness(p.friction) / p.mechanics.inertia) * dt
+    turn = math.sqrt(stiffness(p.friction) / transmission.rubbed_inertia(p.mechanics)) * dt
     return min(max(least, math.ceil(turn / STICKING_ANGLE)), MOST_STEPS)
 
 
@@ -216,7 +219,7 @@ def _noted(m: Memory, current: float) -> Memory:
     """When the command came, and the motor current (A) at that time."""
     return Memory(
         m.time, pushed(m.begun, m.time), m.acting, current, m.heat, m.load, m.load_velocity, m.base, m.base_velocity,
-        m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction, m.rate,
+        m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction, m.rate, m.behind, m.stops,
     )  # fmt: skip
 
 

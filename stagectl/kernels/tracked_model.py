@@ -24,8 +24,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from stagectl.kernels import feedback, friction_bristle, stage
+from stagectl.kernels import feedback, friction_bristle, plant_with_effects, stage
 from stagectl.kernels.jit import kernel
+from stagectl.kernels.plant import Contact
+from stagectl.kernels.transmission import sprung
 
 
 class Tied(NamedTuple):
@@ -74,13 +76,24 @@ def _carried(p: Tied, x: State, share: float) -> State:
     bristle, constant = p.stage.friction.bristle, p.stage.motor.force_constant
     if bristle.coulomb == 0.0:
         return x
-    load = bristle.stiffness * x.plant.bristle - share * constant * x.tracker.integral
-    after = friction_bristle.settled(bristle, load)
-    moved = bristle.stiffness * (after - x.plant.bristle)
-    tracker = feedback.State(x.tracker.error, x.tracker.integral + moved / constant, x.tracker.derivative)
+    plant, mechanics, held = x.plant, p.stage.mechanics, share * constant * x.tracker.integral
+    after = friction_bristle.settled(bristle, bristle.stiffness * plant.bristle - held)
+    moved = bristle.stiffness * (after - plant.bristle)
+    memory, carried = plant.memory, moved
+    if sprung(mechanics):  # the same at the load, unless it rests within a gap
+        at_load, behind = mechanics.transmission.load_friction, memory.behind
+        carried = (1.0 - at_load) * moved
+        if abs(plant.position - memory.load) >= 0.5 * mechanics.transmission.backlash:
+            settled = friction_bristle.settled(bristle, bristle.stiffness * behind.bristle - held)
+            more = bristle.stiffness * (settled - behind.bristle)
+            carried += at_load * more
+            memory = plant_with_effects.rubbing(
+                memory, Contact(behind.force + more, settled, behind.lagged, behind.rested)
+            )
+    tracker = feedback.State(x.tracker.error, x.tracker.integral + carried / constant, x.tracker.derivative)
     plant = stage.State(
-        x.plant.commands, x.plant.latched, x.plant.current, x.plant.position, x.plant.velocity,
-        x.plant.force + moved, x.plant.stops, after, x.plant.memory,
+        plant.commands, plant.latched, plant.current, plant.position, plant.velocity, plant.force + moved, plant.stops,
+        after, memory,
     )  # fmt: skip
     return State(plant, tracker)
 

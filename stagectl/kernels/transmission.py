@@ -11,8 +11,8 @@ inertia J and the base's position x_b::
 
     q'' = (1 + mu) E / J + w^2 x_b + 2 zeta w x_b'          x_b'' = -mu E / J - w^2 x_b - 2 zeta w x_b'
 
-Friction acts on the one coordinate ``(1 - load_friction) x_motor + load_friction x_load``, and on the bodies by the
-same shares: what it takes is force times velocity there, never less than a law of one coordinate takes.
+Friction is a law of the motor's own motion and the same law of the load's, by their shares, each with its own memory:
+within the gap the load rests on its own friction while the motor turns.
 
 **Steps.**  Verlet turns a mode's phase too fast by ``(w h)^2 / 24``; `finer` divides the step until w h is at most
 0.15, 0.1 % of the frequency, for the faster of resonance and base.
@@ -59,8 +59,21 @@ def neutral(p: Mechanics) -> bool:
     """Whether one inertia with viscous friction is all there is."""
     smooth = p.viscous_power.effort == 0.0 and p.viscous_asymmetry == 0.0
     still = p.viscous_warming.rise == 0.0 and p.viscous_step.share == 0.0
-    rigid = p.transmission.load_share == 0.0 or p.transmission.resonance == 0.0
-    return smooth and still and rigid and p.base.ratio == 0.0 and free(p)
+    return smooth and still and not sprung(p) and p.base.ratio == 0.0 and free(p)
+
+
+@kernel
+def sprung(p: Mechanics) -> bool:
+    """Whether a part of the inertia is behind a spring."""
+    return p.transmission.load_share > 0.0 and p.transmission.resonance > 0.0
+
+
+def rubbed_inertia(p: Mechanics) -> float:
+    """Inertia that vibrates on the stiffness of the whole friction as fast as the faster body does on its share."""
+    if not sprung(p):
+        return p.inertia
+    load, rubbed = p.transmission.load_share, p.transmission.load_friction
+    return p.inertia / max(rubbed / load, (1.0 - rubbed) / (1.0 - load))
 
 
 @kernel
@@ -127,24 +140,29 @@ def transmitted(c: Coefficients, x: Bodies) -> float:
 
 
 @kernel
-def kicked(p: Mechanics, c: Coefficients, x: Bodies, efforts: tuple[float, float, float]) -> Bodies:
-    """Half a step of velocity under `efforts` = (motor, load, friction), N m | N; friction without its viscous part.
+def kicked(p: Mechanics, c: Coefficients, x: Bodies, efforts: tuple[float, float, float, float]) -> Bodies:
+    """Half a step of velocity under `efforts` (N m | N) on motor and load, and their frictions without a viscous part.
 
     One inertia is exact while effort and viscous coefficient hold.
     """
-    driving, pulling, friction = efforts
+    driving, pulling, friction, behind = efforts
     if c.load == 0.0:
         damping = viscous(p, c, x.velocity)
         gain = c.half / c.motor
         dv = gain * effects.relaxed(damping * gain) * (driving + pulling - friction - damping * x.velocity)
         return _recoiled(c, x, dv, dv)
-    here, there = 1.0 - c.share, c.share
-    v = here * x.velocity + there * x.load_velocity
-    damping = viscous(p, c, v)
-    friction += damping * v * effects.relaxed(damping * c.half * (here * here / c.motor + there * there / c.load))
+    friction = (1.0 - c.share) * (friction + _drag(p, c, x.velocity, (1.0 - c.share) / c.motor))
+    behind = c.share * (behind + _drag(p, c, x.load_velocity, c.share / c.load))
     carried_effort = transmitted(c, x)
-    dv = c.half / c.motor * (driving - carried_effort - here * friction)
-    return _recoiled(c, x, dv, c.half / c.load * (carried_effort + pulling - there * friction))
+    dv = c.half / c.motor * (driving - carried_effort - friction)
+    return _recoiled(c, x, dv, c.half / c.load * (carried_effort + pulling - behind))
+
+
+@kernel
+def _drag(p: Mechanics, c: Coefficients, v: float, mobility: float) -> float:
+    """Mean viscous friction (N m | N) over half a step of a body, `mobility`: its share of it over its inertia."""
+    damping = viscous(p, c, v)
+    return damping * v * effects.relaxed(damping * c.half * mobility)
 
 
 @kernel
@@ -170,6 +188,6 @@ def moved(c: Coefficients, x: Bodies) -> Bodies:
 
 @kernel
 def pulled(p: Mechanics, position: float, element: float) -> float:
-    """Effort against the motion of cable and gravity; the cable's Maxwell element stands at `element`, in [-1, 1]."""
+    """Effort against the motion of cable and gravity; `element`: with how much of its force it drags, in [-1, 1]."""
     cable = p.cable.stiffness * (position - p.cable.centre) + p.cable.hysteresis * element
     return cable + effects.wave(p.gravity, effects.TURN / p.pitch * position)

@@ -20,7 +20,7 @@ from stagectl.kernels.effects import Harmonic, Warming
 from stagectl.kernels.friction import Stribeck
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.kernels.plant import Base, Dwell, Transmission
-from stagectl.kernels.stage import Stage
+from stagectl.kernels.stage import Stage, State
 from stagectl.plan import Plan, Start, plan
 from stagectl.simulation import simulate
 from stagectl.trajectories import Dwell as Rest
@@ -46,9 +46,8 @@ DEFINITIONS = {effect.name: effect for effect in definitions(SCALES) if effect.n
 # across a gap.  A gap of four times the size is another test.
 WITHIN = {"backlash": 3.0}
 # Twice what there is, on motions that stop.  Without compensation the feedback gives up at the next start what it took
-# at rest, which serves a gap, too: 195 nm and no longer 470.  A gap of twice the right size is crossed too far: 430 nm,
-# as before.  It is worse than none beyond 1.2 times.
-OVERDONE = {"backlash": 2.3}
+# at rest, which serves a gap, too: 195 nm and no longer 470.  A gap of twice the right size is crossed too far: 635 nm.
+OVERDONE = {"backlash": 3.4}
 # Of four times the typical load nothing would be left for the motor.  Four times the typical weight, 8 A from one side
 # to the other, and four times a typical map, 7.5 A, are more than their share of the current limit: another test.
 MANY = {"backlash", "compliance", "gravity", "cogging_map"}
@@ -192,7 +191,7 @@ def test_a_gap_that_asks_for_more_than_its_share_gets_the_same_momentum(motion: 
     """A push that is only cut short comes to the load too late, and is worse than none."""
     machine = ball_screw._replace(stage=having(ball_screw.stage, DEFINITIONS["backlash"], 4.0))
     (limited,) = plan(machine, MOTIONS[motion], machine.controller.feedforward).limited
-    assert limited.place == "mechanics.transmission" and limited.demanded > 1.15 * limited.most
+    assert limited.place == "mechanics.transmission" and limited.demanded > 1.05 * limited.most
     assert peak(machine, machine, MOTIONS[motion]) < 0.7 * peak(ball_screw, machine, MOTIONS[motion])
 
 
@@ -241,12 +240,14 @@ def test_a_process_goes_on_with_what_interpreted_kernels_have_left(ball_screw: S
     first = plan(known, motion, ahead)
     left = first.effects
     assert left is not None
-    listed = left._replace(
-        whole=left.whole._replace(stops=list(left.whole.stops)), plain=left.plain._replace(stops=list(left.plain.stops))
-    )
+    listed = left._replace(whole=_listed(left.whole), plain=_listed(left.plain))
     end = float(first.setpoints[-1, 0])
     rows = [plan(known, motion, ahead, Start(end, effects=memory).copy()).setpoints for memory in (left, listed)]
     assert np.array_equal(rows[0], rows[1])
+
+
+def _listed(x: State) -> State:
+    return x._replace(stops=list(x.stops), memory=x.memory._replace(stops=list(x.memory.stops)))
 
 
 def test_one_effect_is_left_out(ball_screw: Setup) -> None:

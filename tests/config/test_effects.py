@@ -43,7 +43,7 @@ ADDED = {
   viscous_asymmetry: 5 %
   viscous_warming: {rise: 30 %, time: 10 min}
   viscous_step: {share: 10 %, at: 2 s}
-  cable: {stiffness: 10 mN m/rad, centre: 10 mm, hysteresis: 0.05 N m, slip: 3 mm}
+  cable: {stiffness: 10 mN m/rad, centre: 10 mm, hysteresis: 0.05 N m, slip: 3 mm, exponent: 1.2}
   gravity: {amplitude: 50 mN m, phase: 90 deg}
   transmission: {load_share: 40 %, resistance: 1}
   base: {ratio: 0.05, frequency: 20 Hz, damping: 0.02}""".replace(
@@ -125,7 +125,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
         "ripple_third": Harmonic(0.003, 4.0, 0.0),
         "viscous_warming": Warming(0.3, 600.0),
         "viscous_step": Step(0.1, 2.0),
-        "cable": Cable(0.01, 10e-3 * RADIAN, 0.05, 3e-3 * RADIAN),
+        "cable": Cable(0.01, 10e-3 * RADIAN, 0.05, 3e-3 * RADIAN, 1.2),
         "transmission": Transmission(0.4, 300.0, 0.03, 2e-6 * RADIAN, 0.7),
         "viscous_power": SpeedPower(0.01, 40.0, 0.67),
         "base": Base(0.05, 20.0, 0.02),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stagectl as sc
@@ -11,9 +12,12 @@ from stagectl.gap import diagnose
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import Session
-from stagectl.gap.selection import refine, thresholds
+from stagectl.gap.residuals import friction_family
+from stagectl.gap.residuals.thresholds import LONGEST_SLIP
+from stagectl.gap.selection import bristle_shape, refine, thresholds
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Evidence
+from stagectl.kernels import friction_bristle
 from tests.gap.captured import CONFIG, as_csv
 
 MOTIONS = ("sine-2um", "sine-0.8hz")  # within the rolling zone, and far beyond it
@@ -68,3 +72,31 @@ def test_a_bristle_gives_back_what_belongs_to_an_effect(tmp_path: Path) -> None:
     assert taken > 0.05 and after.model.stage.friction.bristle.coulomb < 0.2 * taken
     at_one = power.effort * power.speed**-power.exponent
     assert power.exponent == pytest.approx(0.5, abs=0.03) and at_one == pytest.approx(0.25, rel=0.05)
+
+
+def test_a_bristle_gives_back_the_shape_that_a_cable_gave_it(tmp_path: Path) -> None:
+    """Without the cable its rolling zone grows to the end of the range; beside the cable it is the machine's own."""
+    law: dict[str, object] = {"law": "dahl", "coulomb": 1.0, "range": 9e-4, "exponent": 1.0}
+    cable = {"hysteresis": 0.2, "slip": 0.5, "exponent": 1.0}
+    session, e = fitted({"friction": law, "mechanics.cable": cable}, tmp_path)
+    nominal = friction_family.length(session.stage.friction)
+    assert friction_family.zone(e.base.model.stage.friction.bristle) <= 1.001 * LONGEST_SLIP * nominal
+    effect = next(one for one in definitions(diagnose.scales_of(session, e)) if one.name == "cable_hysteresis")
+    alone = refine.refine(e, e.base.model, [EffectValues(effect, {"effort": 0.1, "slip": 0.3, "exponent": 0.5})], 20)
+    beside = bristle_shape.beside_effects(e, alone)
+    values, way = beside.effects[0].values, np.geomspace(1e-4, 2e-2, 20)
+    assert beside.residual_sum_of_squares < 0.9 * alone.residual_sum_of_squares
+    assert values["effort"] == pytest.approx(0.2, rel=0.05) and values["slip"] == pytest.approx(0.5, rel=0.1)
+    true = 2.0 * (1.0 - np.exp(-way / 9e-4))  # N m after a reversal of the machine's friction alone
+    error, before = (
+        np.abs(friction_family.reversal(m.stage.friction, way) - true).max() for m in (beside.model, e.base.model)
+    )
+    assert error < 0.05 and error < 0.5 * before
+
+
+def test_a_rolling_zone_is_the_way_on_which_all_but_a_twentieth_reverses() -> None:
+    for exponent in (0.5, 1.0, 2.7):
+        law = friction_bristle.Bristle(0.8, 800.0, exponent)
+        way = friction_family.zone(law)
+        _, deflection = friction_bristle.bent(law, -1e-3, 1.0, way, 1.0)
+        assert 800.0 * deflection == pytest.approx(0.8 * (1.0 - 2.0 * 0.05), rel=1e-9)

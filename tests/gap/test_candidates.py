@@ -7,13 +7,20 @@ import math
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.effects.effect import Scales
+from stagectl.gap.effects.effect import Definition, Scales
 from stagectl.gap.effects.library import definitions
-from stagectl.gap.selection import candidates, established
-from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.residuals import sensitivities
+from stagectl.gap.selection import candidates, effect_parameters, established, linearised
+from stagectl.gap.selection.candidates import EffectValues, in_place, joined
 from tests.conftest import CONFIG
 
 SIZE = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
+_SPRING = {"load_share": 0.3, "resonance": 250.0, "damping": 0.03, "load_friction": 0.4}
+LOADS = {"compliance": _SPRING, "backlash": {**_SPRING, "resonance": 600.0, "gap": 1e-3}}
+
+
+def named(name: str) -> Definition:
+    return next(effect for effect in definitions(SIZE) if effect.name == name)
 
 
 def test_an_effect_left_out_is_not_found_under_a_wider_name() -> None:
@@ -89,3 +96,22 @@ def test_a_ball_pass_at_a_whole_order_may_be_a_harmonic_of_the_motor(order: floa
     ripple = EffectValues(of["current_ripple"], {"order": wave, **values})
     assert candidates.of_the_motor(ball, [ripple]) == (("current_ripple",) if motor else ())
     assert not candidates.of_the_motor(ball, []) and not candidates.of_the_motor(ripple, [ball])
+
+
+def test_a_model_has_one_load_behind_its_transmission() -> None:
+    """A backlash takes the place of a compliance, with values of its own, and leaves it none beside it."""
+    spring, gap = (EffectValues(named(name), values) for name, values in LOADS.items())
+    assert joined([spring], [gap]) == [gap]
+    assert in_place([gap]) >= {"backlash", "compliance"} and "backlash" not in in_place([spring])
+    assert "backlash" in linearised.APART["compliance"]
+
+
+def test_a_column_at_the_end_of_a_range_is_taken_inwards() -> None:
+    """A load share of 0.95 and a tenth more of it would leave the motor no inertia."""
+    model = sensitivities.model_of(load_stage(CONFIG / "ball-screw.yaml").stage, 5e-4)
+    share = EffectValues(named("compliance"), {**LOADS["compliance"], "load_share": 0.95})
+    gap = EffectValues(named("backlash"), {**LOADS["backlash"], "load_share": 0.95})
+    for effect in (share, gap):
+        moving = next(one for one in effect_parameters.directions(model, [effect]) if one.name.endswith("load_share"))
+        assert moving.size < 0.0
+        assert moving.change(model).stage.mechanics.transmission.load_share < 0.95

@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals import gram_matrices, sensitivities
-from stagectl.gap.selection import constants, drive_alikes, linearised, material, refine, select, waves
+from stagectl.gap.selection import bristle_shape, constants, drive_alikes, linearised, material, refine, select, waves
 from stagectl.gap.selection.established import Selection, _further_part, _over_its_coordinate, _with_rival
 
 MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
@@ -39,6 +39,7 @@ def _searched(
     monkeypatch.setattr(refine, "start", lambda _: SimpleNamespace(effects=(), model=None))
     monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)
     monkeypatch.setattr(drive_alikes, "nearest", lambda _, __, after: after)
+    monkeypatch.setattr(bristle_shape, "beside_effects", lambda _, after: after)
     monkeypatch.setattr(select, "_with_more", with_more)
     monkeypatch.setattr(select, "_with_small", lambda *_: None)
     monkeypatch.setattr(waves, "with_wave", lambda *_: None)
@@ -182,6 +183,20 @@ def test_mechanics_stand_where_no_function_predicts_more(
     before, after = SimpleNamespace(effects=(), left=800.0), SimpleNamespace(effects=(valued,), left=100.0)
     monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
     of = {800.0: linearised.Predicted((700.0, 0.0), 1.2), 100.0: linearised.Predicted((predicted_after, 0.0))}
+    library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
+    e, fits = cast("Any", SimpleNamespace(beside=None)), (cast("Any", before), cast("Any", after))
+    assert select._stands_against_functions(e, library, *fits) is stands
+
+
+@pytest.mark.parametrize(("predicted_after", "stands"), [(640.0, True), (500.0, False)])
+def test_what_leaves_a_function_as_much_as_before_is_missing_beside_it(
+    predicted_after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Friction that warms up explains little where a Stribeck curve is missing, too; a spring takes from a function."""
+    valued = SimpleNamespace(effect=SimpleNamespace(name="thermal_coulomb", block="mechanics", time_variation=None))
+    before, after = SimpleNamespace(effects=(), left=1200.0), SimpleNamespace(effects=(valued,), left=780.0)
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
+    of = {1200.0: linearised.Predicted((700.0, 0.0), 0.9), 780.0: linearised.Predicted((predicted_after, 0.0))}
     library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
     e, fits = cast("Any", SimpleNamespace(beside=None)), (cast("Any", before), cast("Any", after))
     assert select._stands_against_functions(e, library, *fits) is stands

@@ -24,11 +24,13 @@ from stagectl.interchange.fmu.variables import variables
 from stagectl.interchange.round_trip import Array, commands
 from stagectl.kernels import effects, jit, stage
 from stagectl.kernels.plant import Transmission
+from stagectl.kernels.plant_with_effects import opposing
 from tests.conftest import CONFIG, Command, Run
 from tests.kernels.affected import affected
 
 AXES = ["ball-screw.yaml", "linear-slider.yaml", "emps.yaml", "odrive.yaml"]  # one of several: `test_the_command`
 GEARED = Transmission(0.3, 80.0, 0.03, 1e-4, 0.6)
+LOADS = [Transmission(), GEARED, *(GEARED._replace(load_friction=share) for share in (0.0, 1.0))]
 SHOWN = ("position", "velocity", "measured", "current", "reported_current", "friction")
 
 
@@ -41,7 +43,9 @@ def ours(setup: Setup, current: Array) -> dict[str, Array]:
     p, x, rows = setup.stage, stage.at_rest(setup.stage), []
     for command in current.tolist():
         seen = stage.measured(p.encoder, x, stage.SILENT)
-        rows.append((x.position, x.velocity, seen, x.current, stage.reported(p.drive, x, setup.dt), x.force))
+        rows.append(
+            (x.position, x.velocity, seen, x.current, stage.reported(p.drive, x, setup.dt), opposing(p.mechanics, x))
+        )
         x = stage.period(p, x, command, stage.SILENT, setup.dt, setup.file.simulation.substeps)
     return dict(zip(SHOWN, np.array(rows).T, strict=True))
 
@@ -69,7 +73,7 @@ def test_every_axis_to_the_last_bit(name: str, tmp_path: Path) -> None:
     same(setup, tmp_path / "axis.fmu", commands(setup)["sliding"])
 
 
-@pytest.mark.parametrize("transmission", [Transmission(), GEARED], ids=["rigid", "geared"])
+@pytest.mark.parametrize("transmission", LOADS, ids=["rigid", "geared", "no friction at the load", "all of it"])
 def test_every_effect_to_the_last_bit(ball_screw: Setup, tmp_path: Path, transmission: Transmission) -> None:
     setup = with_effects(ball_screw, transmission)
     exported = to_fmu(setup, tmp_path / "axis.fmu")

@@ -36,7 +36,9 @@ def mechanics(p: stage.Mechanics, transmission: Transmission) -> stage.Mechanics
     curved = p._replace(
         viscous_power=SpeedPower(0.04, 4.0, 0.5), viscous_asymmetry=0.05, viscous_warming=Warming(0.3, 600.0)
     )
-    beside = curved._replace(viscous_step=Step(0.1, 0.05), cable=Cable(0.01, 0.2, 0.05, 1.0), transmission=transmission)
+    beside = curved._replace(
+        viscous_step=Step(0.1, 0.05), cable=Cable(0.01, 0.2, 0.05, 1.0, 1.2), transmission=transmission
+    )
     return beside._replace(base=Base(0.05, 20.0, 0.02), gravity=Harmonic(0.05, 1.0, 0.4))
 
 

@@ -379,7 +379,7 @@ def test_friction_with_every_effect_never_gives_out_energy(ball_screw: Setup, br
     x = stage.at_rest(p._replace(motor=stage.Motor(KT), drive=ball_screw.stage.drive, residual=effects.NO_TABLE))
     held = friction_effects.held(p.friction, 5e-5)
     drift = effects.drifting(p.friction.warming, p.friction.step, 0.0)
-    contact, position, velocity = friction_effects.Contact(x.force, x.bristle, 0.0, 0.0), 0.0, 0.0
+    contact, position, velocity = stage.Contact(x.force, x.bristle, 0.0, 0.0), 0.0, 0.0
     begin = _stored(p, x.stops, x.bristle)
     for _ in range(20000):
         velocity = 0.999 * velocity + 0.02 * rng.normal()

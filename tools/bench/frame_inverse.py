@@ -59,7 +59,7 @@ def in_frames(setup: Setup, motion: Experiment, laid_out: Plan) -> Plan:
 
 def _frame(p: stage.Stage, x: stage.State, command: Array, steps: stage.Steps) -> stage.State:
     """Two periods later; `x` stays."""
-    y = x._replace(stops=np.array(x.stops))
+    y = stage.copied(x)
     for current in command.tolist():
         y = stage.period_of(p, y, current, stage.SILENT, steps)
     return y

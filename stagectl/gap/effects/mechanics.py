@@ -49,8 +49,11 @@ def _cable_spring(s: Scales) -> Parameters:
 def _cable_hysteresis(s: Scales) -> Parameters:
     return Parameters(
         (Amplitude("effort", _EFFORT, (0.1 * s.coulomb,), 0.0),),
-        (Shape("slip", "rad | m", tuple(s.stroke * f for f in grids.CABLE_SLIPS)),),
-        filled("mechanics.cable", hysteresis="effort", slip="slip"),
+        (
+            Shape("slip", "rad | m", tuple(s.stroke * f for f in grids.CABLE_SLIPS)),
+            Shape("exponent", "", (1.0,), True, 0.05, 2.0),
+        ),
+        filled("mechanics.cable", hysteresis="effort", slip="slip", exponent="exponent"),
     )
 
 

@@ -16,8 +16,8 @@ from stagectl.gap.inference import thresholds
 from stagectl.gap.inference.cable_centre import BIAS
 from stagectl.gap.inference.parameter_errors import shift_odds
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.selection import constants, established, linearised, material, refine, select
-from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection import constants, established, linearised, material, refine
+from stagectl.gap.selection.candidates import EffectValues, joined
 from stagectl.gap.selection.established import Say, Selection
 from stagectl.gap.selection.linearised import Library, Linearised
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -56,7 +56,7 @@ def settled(e: Evidence, library: Library, selected: Selection, say: Say) -> tup
     if compared.bias >= constants.KEPT or not instead:
         return e, _weighed(selected, compared)
     say(f"{', '.join(valued.effect.name for valued in instead)} in the place of the bias")
-    after = refine.refine(compared.fixed, compared.nominal.model, select.joined(compared.nominal.effects, instead))
+    after = refine.refine(compared.fixed, compared.nominal.model, joined(compared.nominal.effects, instead))
     standing = established.established(compared.fixed, library, after, say)
     if not {v.effect.name for v in instead} & {v.effect.name for v in standing.fitted.effects}:
         return e, _weighed(selected, compared)  # nothing stands in its place

@@ -21,6 +21,7 @@ from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import NAMED, Value
 from stagectl.gap.selection import baseline_fit, constants, linearised, refine, simulation_odds
+from stagectl.gap.selection.evidence import fitted_odds
 from stagectl.gap.selection.linearised import Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
@@ -199,9 +200,7 @@ def shift_odds(name: str, nominal: float) -> float:
 def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Errors], scale: float) -> Iterator[Shift]:
     """The shift of the rolling zone's length; without friction there is no rolling zone.
 
-    It has no column of its own: what it is worth tells the simulation with the nominal zone, that rubs as much.  One
-    more value makes any model better: for that it pays by the number of half strokes.  Source: G. Schwarz, Annals of
-    Statistics 6(2), 1978.
+    It has no column of its own: what it is worth tells the simulation with the nominal zone, that rubs as much.
     """
     nominal = session.stage.friction
     sizes = [stage.sliding(p) for p in (nominal, now.model.stage.friction)]
@@ -210,7 +209,7 @@ def _presliding(session: Session, e: Evidence, now: Fitted, known: Sequence[Erro
     zone = stage.scaled_friction(nominal, sizes[1] / sizes[0])
     other = refine.residuals(e, put(now.model, "stage.friction", zone), now.effects)
     without, present = (_beside_friction(e, residuals) for residuals in (other, now.residuals))
-    odds = 0.5 * (simulation_odds.gain_of_strokes(without, present) - np.log(len(present.strokes)))
+    odds = fitted_odds(simulation_odds.gain_of_strokes(without, present), 1, len(present.strokes))
     views = [view for errors in known for view in rolling_zone.lengths(nominal, now, errors, e.base.bristle)]
     share = max(float(np.sum(without.strokes - present.strokes)), 0.0) / scale
     found = _shift("presliding", views, share, session.kind)

@@ -150,10 +150,14 @@ def log_odds(moved: Array, error: Array, prior: Array) -> float:
     direction whose error is as wide as its prior says nothing.  Source: J. M. Dickey, Annals of Mathematical
     Statistics 42(1), 1971.
     """
-    size, axes = np.linalg.eigh(error / np.outer(prior, prior))
-    size = np.maximum(size, np.finfo(np.float64).eps)  # no value is known better than rounding lets it
-    away = axes.T @ (moved / prior)
+    size, away = _on_axes(moved, error, prior)
     return float(0.5 * np.sum((np.log(size) + away**2 / size)[size < 1.0]))
+
+
+def _on_axes(moved: Array, error: Array, scale: Array) -> tuple[Array, Array]:
+    """Mean square errors (k,) along their own axes, and the values on these, both in units of `scale` (k,)."""
+    size, axes = np.linalg.eigh(error / np.outer(scale, scale))
+    return np.maximum(size, np.finfo(np.float64).eps), axes.T @ (moved / scale)  # no better than rounding lets it
 
 
 def borne_out(e: Evidence, library: Library, selected: Selection, smooth: BasisColumns, say: Say) -> Selection:
@@ -191,10 +195,8 @@ def _borne_out(valued: EffectValues, known: Mapping[str, Errors]) -> float:
 def _may_be_none(valued: EffectValues, known: Errors) -> bool:
     """Whether the 95 % region of the amplitudes holds zero."""
     value, names = _amplitudes(valued)
-    scale = np.maximum(abs(value), 1e-300)
-    size, axes = np.linalg.eigh(known.of(names) / np.outer(scale, scale))
-    away = axes.T @ (value / scale)
-    return float(np.sum(away**2 / np.maximum(size, np.finfo(np.float64).eps))) < chi2.ppf(CONFIDENCE, len(value))
+    size, away = _on_axes(value, known.of(names), np.maximum(abs(value), 1e-300))
+    return float(np.sum(away**2 / size)) < chi2.ppf(CONFIDENCE, len(value))
 
 
 def _of_size(valued: EffectValues, known: Errors, error: Array) -> float:

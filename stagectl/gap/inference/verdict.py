@@ -11,7 +11,7 @@ from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
-from stagectl.gap.selection.candidates import EffectValues, equipped, of_the_motor, of_the_structure
+from stagectl.gap.selection.candidates import EffectValues, equipped, in_place, joined, of_the_motor, of_the_structure
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.material import refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -176,6 +176,6 @@ def _rivals(e: Evidence, selected: Selection, name: str) -> dict[str, Fitted]:
     """The same as fits; the alternative is their last effect."""
     now = selected.fitted
     rest = [other for other in now.effects if other.effect.name != name]
-    present = {other.effect.name for other in rest}
+    present = in_place(rest)
     tried = {other: valued for other, valued in selected.rivals.get(name, {}).items() if other not in present}
-    return {other: refine.refine(e, now.model, [*rest, valued], 2) for other, valued in tried.items()}
+    return {other: refine.refine(e, now.model, joined(rest, [valued]), 2) for other, valued in tried.items()}

@@ -30,6 +30,12 @@ def length(p: stage.Friction) -> float:
     )
 
 
+def zone(p: friction_bristle.Bristle) -> float:
+    """The same (rad | m) of a bristle alone."""
+    left = 2.0 * (1.0 - thresholds.REVERSED)
+    return p.coulomb / p.stiffness * friction_bristle.way(2.0, left, p.exponent)
+
+
 def reversal(p: stage.Friction, displacement: Array) -> Array:
     """Change of the friction (n,) N m | N at `displacement` (n,) after a reversal, without Stribeck's effect."""
     slip, weight = (np.asarray(values, dtype=np.float64) for values in (p.operators.slip, p.operators.weight))

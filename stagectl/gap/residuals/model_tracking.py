@@ -147,7 +147,8 @@ def tracking_residual(
     given, count = _inputs(path, p.stage.encoder.delay_samples), ticks(path.dt)
     plant = given.begins.plant(p.stage, path.dt)
     if load:
-        plant.stops[:] = load if given.begins.going_on[0] == 0.0 else (1.0 - load) * plant.stops
+        for stops in (plant.stops, plant.memory.stops):
+            stops[:] = load if given.begins.going_on[0] == 0.0 else (1.0 - load) * stops
     x = tracked_model.State(plant, feedback.AT_REST)
     out = np.empty((2, len(path.rows)))
     steps = stage.steps_that_hold(p.stage, path.dt / count, math.ceil(substeps / count))

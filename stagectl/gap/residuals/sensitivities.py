@@ -123,7 +123,8 @@ def residuals_about(
 
 
 def _whitened(run: Run, residual: ModelResidual, noise: Whitener) -> Array:
-    return without_drift_at_rest(whitened(noise, residual, run.mean.dt), run.rests)
+    with np.errstate(over="ignore", invalid="ignore"):  # a simulation that diverged stays diverged
+        return without_drift_at_rest(whitened(noise, residual, run.mean.dt), run.rests)
 
 
 def all_columns(

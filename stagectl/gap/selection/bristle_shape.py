@@ -2,17 +2,21 @@
 
 Where the nominal friction is another law, the model does not stay on the measured path in its rolling zone, so that
 columns around it tell little of a bristle's shape.  Around a model that has the bristle they do.
+
+Its rolling zone grows by no more than those of the family's operators: what remembers a longer way is no rolling
+friction, but the drag of a cable.
 """
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.residuals.friction_family import critical
+from stagectl.gap.residuals.friction_family import critical, length, zone
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import (
     Direction,
@@ -22,53 +26,98 @@ from stagectl.gap.residuals.sensitivities import (
     residuals_about,
     residuals_of,
 )
-from stagectl.gap.selection import baseline_fit, bristle_members, priors, thresholds
+from stagectl.gap.residuals.thresholds import LONGEST_SLIP
+from stagectl.gap.selection import baseline_fit, bristle_members, priors, refine, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
+from stagectl.gap.selection.candidates import equipped
+from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.fields import put
 
 SHAPES = ("shape_length", "shape_exponent", "shape_damping")  # logarithms; share of the bristle's critical damping
 _MOST = math.log(thresholds.SHAPE_FACTOR)
 
 
+class _Data(NamedTuple):
+    """What a bristle is fitted to, and next to which effects."""
+
+    runs: Sequence[Run]
+    member: Direction  # the bristle
+    equip: Callable[[TrackedModel], TrackedModel]  # a model of the base, with the effects
+    residuals: Callable[[TrackedModel], list[list[Array]]]  # of a model of the base, with the effects
+
+
 def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: Sequence[str] = ()) -> BaselineFit:
     """`baseline_fit.refit`, and where it has chosen a bristle, that in its best shape."""
     fit = baseline_fit.refit(session, runs, nominal, frozen)
-    return fit if fit.bristle is None else _shaped(fit, runs, fit.bristle)
-
-
-def _shaped(fit: BaselineFit, runs: Sequence[Run], member: Direction) -> BaselineFit:
-    """`fit` with its bristle in the best shape; the same where no bristle is left in the model."""
+    if fit.bristle is None:
+        return fit
     apart = deviations(fit.model, runs, fit.noise, fit.after)
+    data = _Data(runs, fit.bristle, lambda m: m, lambda m: residuals_about(m, runs, fit.noise, apart))
+    shaped = _shaped(fit, data)
+    shaped = shaped._replace(after=residuals_of(shaped.model, runs, fit.noise))
+    return _with_columns(shaped, runs, fit.bristle) if _bristled(shaped.model) else shaped
+
+
+def beside_effects(e: Evidence, now: Fitted) -> Fitted:
+    """`now` with its bristle in the best shape next to its effects, and these next to that.
+
+    Chosen without the effects, the bristle has taken on a part of them, and must give that back: in its force, which
+    moves at each step of `refine`, and in its shape.
+    """
+    if e.base.bristle is None or e.beside is not None or not (now.effects and _bristled(now.model)):
+        return now
+    data = _Data(
+        e.runs,
+        e.base.bristle,
+        lambda m: equipped(m, now.effects),
+        lambda m: refine.residuals(e, m, now.effects),
+    )
+    shaped = _shaped(e.base._replace(model=now.model, after=now.residuals), data)
+    if shaped.model is now.model:
+        return now
+    after = refine.refine(e, shaped.model, now.effects)
+    return after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
+
+
+def _bristled(m: TrackedModel) -> bool:
+    return m.stage.friction.bristle.coulomb > 0.0
+
+
+def _shaped(fit: BaselineFit, data: _Data) -> BaselineFit:
+    """`fit` with its bristle in the best shape; the same where no bristle is left in the model."""
     for _ in range(thresholds.SHAPE_STEPS):
-        if not fit.model.stage.friction.bristle.coulomb:
+        if not _bristled(fit.model):
             break
-        fit, gain = _stepped(fit, runs, member, apart)
+        fit, gain = _stepped(fit, data)
         if gain < thresholds.SETTLED:
             break
-    fit = fit._replace(after=residuals_of(fit.model, runs, fit.noise))
-    return _with_columns(fit, runs, member) if fit.model.stage.friction.bristle.coulomb else fit
+    return fit
 
 
-def _stepped(
-    fit: BaselineFit, runs: Sequence[Run], member: Direction, apart: list[list[Array]]
-) -> tuple[BaselineFit, float]:
+def _stepped(fit: BaselineFit, data: _Data) -> tuple[BaselineFit, float]:
     """One Gauss-Newton step, or the share of it that lowers the cost, and by how much; else the same fit."""
     free = [one for one in fit.directions if not bristle_members.is_member(one.name)]
-    names = [*baseline_fit.parameter_names(free), member.name]
-    columns = all_columns(fit.model, runs, [*free, *_of_bristle(fit, member)], fit.noise)
-    g = gram_matrices.fold_sums(gram_matrices.products(runs, columns, baseline_fit.START), fit.after)
+    names = [*baseline_fit.parameter_names(free), data.member.name]
+    moving = [_with_effects(one, fit.model, data) for one in (*free, *_of_bristle(fit, data.member))]
+    columns = all_columns(data.equip(fit.model), data.runs, moving, fit.noise)
+    g = gram_matrices.fold_sums(gram_matrices.products(data.runs, columns, baseline_fit.START), fit.after)
     weight = priors.temper(g, names, fit.prior)
-    limits = np.concatenate([fit.prior.limits(fit.model, names), _shape_limits(fit.model)])
+    shape = _shape_limits(fit.model, LONGEST_SLIP * length(fit.prior.nominal.stage.friction))
+    limits = np.concatenate([fit.prior.limits(fit.model, names), shape])
     step = priors.bounded_step(g, [*names, *SHAPES], limits, fit.prior.informed(fit.model, names), weight).move
 
     def cost(fit: BaselineFit) -> float:
-        return weight * baseline_fit.sum_of_squares(runs, fit.after) + fit.prior.cost(fit.model, names)
+        return weight * baseline_fit.sum_of_squares(data.runs, fit.after) + fit.prior.cost(fit.model, names)
 
     def after(move: Mapping[str, float]) -> BaselineFit:
-        model = _bent(baseline_fit.moved(fit.model, move, member, fit.prior.dt), move)
-        return fit._replace(model=model, after=residuals_about(model, runs, fit.noise, apart))
+        model = _bent(baseline_fit.moved(fit.model, move, data.member, fit.prior.dt), move)
+        return fit._replace(model=model, after=data.residuals(model))
 
     return priors.shortened(step, after, cost, fit)
+
+
+def _with_effects(p: Direction, model: TrackedModel, data: _Data) -> Direction:
+    return p._replace(change=lambda _: data.equip(p.change(model)))
 
 
 def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:
@@ -80,21 +129,25 @@ def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:
     ]
 
 
-def _shape_limits(m: TrackedModel) -> Array:
-    """(3, 2) how far a step may take the shape."""
-    damped = m.stage.friction.bristle.damping / critical(m.stage.friction.bristle, m.stage.mechanics.inertia)
-    return np.array([[-_MOST, _MOST], [-_MOST, _MOST], [-damped, thresholds.DAMPING_STEP]])
+def _shape_limits(m: TrackedModel, longest: float) -> Array:
+    """(3, 2) how far a step may take the shape of a bristle whose rolling zone is `longest` (rad | m) at most."""
+    p = m.stage.friction.bristle
+    damped = p.damping / critical(p, m.stage.mechanics.inertia)
+    longer = max(min(math.log(longest / zone(p)), _MOST), 0.0)
+    return np.array([[-_MOST, longer], [-_MOST, _MOST], [-damped, thresholds.DAMPING_STEP]])
 
 
 def _bent(m: TrackedModel, move: Mapping[str, float]) -> TrackedModel:
-    """`m` with its bristle in another shape, as strong as before."""
+    """`m` with its bristle in another shape, as strong as before; its rolling zone as long with any exponent."""
     p = m.stage.friction.bristle
-    length, exponent, damping = (move.get(name, 0.0) for name in SHAPES)
+    if not p.coulomb:
+        return m
+    longer, exponent, damping = (move.get(name, 0.0) for name in SHAPES)
     shape = p._replace(
-        stiffness=p.stiffness / math.exp(length),
         exponent=float(np.clip(p.exponent * math.exp(exponent), *thresholds.EXPONENTS)),
         damping=max(p.damping + damping * critical(p, m.stage.mechanics.inertia), 0.0),
     )
+    shape = shape._replace(stiffness=p.stiffness * zone(shape) / (zone(p) * math.exp(longer)))
     return put(m, bristle_members.BRISTLE, shape)
 
 

@@ -48,6 +48,27 @@ def bends(effect: Definition) -> bool:
     return effect.resonant or effect.nonlinear
 
 
+def in_place(present: Sequence[EffectValues]) -> frozenset[str]:
+    """Names of the effects `present`, and of those that they extend: these have no place of their own any more."""
+    names = {valued.effect.name for valued in present}
+    return frozenset(names | {library.EFFECTS[name].extends for name in names})
+
+
+def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> list[EffectValues]:
+    """The effects with more of them; a wider form of a present effect takes its place.
+
+    It takes its values, too, unless it bends: then its own were found by a search over all of them.
+    """
+    kept, fresh = list(present), []
+    for valued in added:
+        narrow = next((old for old in kept if old.effect.name == library.EFFECTS[valued.effect.name].extends), None)
+        known = {} if narrow is None or bends(valued.effect) else narrow.values
+        kept = [old for old in kept if old is not narrow]
+        taken = {name: x for name, x in known.items() if name in valued.values}
+        fresh.append(EffectValues(valued.effect, {**valued.values, **taken}))
+    return [*kept, *fresh]
+
+
 def of_the_motor(valued: EffectValues, present: Sequence[EffectValues]) -> tuple[str, ...]:
     """The motor's waves among `present` of which a ball pass `valued` at a whole order may be a harmonic.
 

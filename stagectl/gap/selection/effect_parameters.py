@@ -22,8 +22,10 @@ def directions(model: TrackedModel, effects: Sequence[EffectValues]) -> list[Dir
             continue
         narrow = _narrowness(valued)
         for amplitude in valued.effect.amplitudes:
-            size = max(abs(valued.values[amplitude.name]), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
-            moving.append(_replaced(model, effects, (k, amplitude.name), narrow * thresholds.AMPLITUDE_CHANGE * size))
+            value = valued.values[amplitude.name]
+            step = max(abs(value), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
+            step *= narrow * thresholds.AMPLITUDE_CHANGE
+            moving.append(_replaced(model, effects, (k, amplitude.name), _inwards(value, step, amplitude.high)))
         moving += [
             _replaced(model, effects, (k, shape.name), narrow * _change(shape, valued.values[shape.name]))
             for shape in _refined(valued)
@@ -35,7 +37,12 @@ def _change(shape: Shape, value: float) -> float:
     """By how much a shape is changed for its column; a share towards its middle, from 0 as well."""
     if shape.share:
         return math.copysign(thresholds.SHARE_CHANGE, 0.5 - value)
-    return thresholds.SHAPE_CHANGE * min(value, shape.width)
+    return _inwards(value, thresholds.SHAPE_CHANGE * min(value, shape.width), shape.high)
+
+
+def _inwards(value: float, step: float, high: float) -> float:
+    """The `step`, the other way where it would leave the range."""
+    return step if value + step <= high else -step
 
 
 def _narrowness(valued: EffectValues) -> float:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals.thresholds import LEAD_ORDERS
 from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, simulation_odds, waves
-from stagectl.gap.selection.candidates import EffectValues
-from stagectl.gap.selection.evidence import temper
+from stagectl.gap.selection.candidates import EffectValues, joined
+from stagectl.gap.selection.evidence import fitted_odds, temper
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
 from stagectl.gap.selection.material import is_material, refitted_without, without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -113,8 +113,7 @@ def _with_rival(
     """The fit with a rival in the place of an effect, where it is then far more probable; None where none is.
 
     Rivals are comparable around the model, or its `kin`.  How much each explains its own fit tells, but of alikes: see
-    `preferred`.  For each value more it pays by the number of half strokes.  Source: G. Schwarz, Annals of Statistics
-    6(2), 1978.
+    `preferred`.
     """
     now, left, strokes = selection.fitted, sum(selection.left), linearised.strokes(e)
     power = temper(left, strokes)
@@ -126,10 +125,10 @@ def _with_rival(
             pair = {valued.effect.name, rival.effect.name}
             if pair <= {*constants.SCALING} or pair <= {*resonance_alikes.OTHERS}:
                 continue
-            fitted = refine.refine(e, now.model, [*rest, rival])
+            fitted = refine.refine(e, now.model, joined(rest, [rival]))
             gain = power * (left - sum(linearised.excess(e, library, fitted)))
-            price = (len(rival.values) - len(valued.values)) * math.log(strokes)
-            if 0.5 * (gain - price) > -math.log(constants.COMPARABLE):
+            odds = fitted_odds(gain, len(rival.values) - len(valued.values), strokes)
+            if odds > -math.log(constants.COMPARABLE):
                 return fitted
     return None
 

@@ -100,6 +100,14 @@ def temper(excess: float, strokes: int) -> float:
     return 1.0 / (1.0 + max(excess, 0.0) / max(strokes, 1))
 
 
+def fitted_odds(gain: float, more: int, strokes: int) -> float:
+    """Log of the odds of a fit that gains so much (unit noise) with `more` values: each pays by the half strokes.
+
+    Source: G. Schwarz, Annals of Statistics 6(2), 1978.
+    """
+    return 0.5 * (gain - more * math.log(max(strokes, 1)))
+
+
 def conditioned(p: Conditioned, prior: Prior, positive: bool = False) -> Conditioned:
     """`p` with the amplitudes of `prior` integrated out as well."""
     places = list(prior.places)

@@ -119,9 +119,9 @@ def linearised(
     more = sensitivities.all_columns(now.equipped, e.runs, columns, e.base.noise)
     products = gram_matrices.with_columns(library.products, more)
     g = gram_matrices.fold_sums(products, now.residuals)
-    present = {valued.effect.name for valued in now.effects}
+    present = candidates.in_place(now.effects)
     if present & set(constants.SCALING):
-        present.update(constants.SCALING)
+        present |= set(constants.SCALING)
     forms = tuple(form for form in (*library.forms, *refined) if form.effect.name not in present)
     excited = np.einsum("ckk->k", g.effort) + np.einsum("ckk->k", g.current) > 0.0
     tried = [c for c in usual_sizes.of_effects(forms, g.places) if excited[list(c.prior.places)].all()]

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from stagectl.gap.effects.effect import Values
 from stagectl.gap.selection import constants, linearised, refine, simulation_odds
-from stagectl.gap.selection.candidates import EffectValues
+from stagectl.gap.selection.candidates import EffectValues, in_place
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 
@@ -47,7 +47,7 @@ def other_resonances(e: Evidence, library: Library, now: Fitted, valued: EffectV
     name, values_of = OTHERS[valued.effect.name]
     rest = [effect for effect in now.effects if effect is not valued]
     form = next((form for form in library.forms if form.effect.name == name), None)
-    if form is None or any(effect.effect.name == name for effect in rest):
+    if form is None or name in in_place(rest):
         return []
     after = refine.refine(e, now.model, [*rest, EffectValues(form.effect, values_of(valued.values))])
     instead, present = (linearised.remains(e, library, fitted) for fitted in (after, now))

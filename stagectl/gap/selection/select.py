@@ -17,8 +17,8 @@ from collections.abc import Mapping, Sequence
 
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
-from stagectl.gap.selection import constants, drive_alikes, linearised, refine, waves
-from stagectl.gap.selection.candidates import EffectValues, bends
+from stagectl.gap.selection import bristle_shape, constants, drive_alikes, linearised, refine, waves
+from stagectl.gap.selection.candidates import EffectValues, bends, joined
 from stagectl.gap.selection.established import Say, Selection, established, preferred, vanishes
 from stagectl.gap.selection.linearised import Cuts, Library, Linearised
 from stagectl.gap.selection.material import adequate, at_bound, explains, explains_most, refitted_without
@@ -47,7 +47,7 @@ def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
         return found
     wider = _grown_whole(e, library, found.fitted, say)
     more = found if wider is found.fitted else established(e, library, wider, say)
-    return more if len(more.fitted.effects) > len(found.fitted.effects) else found
+    return max(found, more, key=lambda s: (len(s.fitted.effects), -s.fitted.residual_sum_of_squares))
 
 
 def _grown_whole(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
@@ -66,7 +66,7 @@ def _grown_whole(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted
         if beyond := {valued.effect.name for valued in after.effects if at_bound(valued)}:
             library, now = drive_alikes.without_effects(library, beyond), refitted_without(e, now, beyond)
             continue
-        after = preferred(e, library, after)
+        after = bristle_shape.beside_effects(e, preferred(e, library, after))
         say(f"added {', '.join(valued.effect.name for valued in _added(now, after))}")
         now = after
     return now
@@ -113,20 +113,23 @@ def _that_stands(e: Evidence, library: Library, now: Fitted, after: Fitted) -> F
 def _stands_against_functions(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:
     """Whether the mechanics that `after` adds to `now` explain about as much as any function of one coordinate.
 
-    They may leave more than the function does, by an error of their form, or what no function predicts.  Next to a
-    function they have to explain most of what it leaves, unless they drift: a smaller part may be the function's own
-    error of form, which repeats.
+    They may leave more than the function does, by an error of their form, or what no function predicts.  What leaves a
+    function as much to predict as before is no rival of it: both are missing.  Next to a function they have to explain
+    most of what it leaves, unless they drift: a smaller part may be the function's own error of form, which repeats.
     """
     predicted, added = library.predict(e, now), _added(now, after)
     may_be_form = e.beside is not None and not any(valued.effect.time_variation for valued in added)
     if all(valued.effect.block == DRIVE for valued in added) or not (may_be_form or predicted.cuts[0]):
+        return True
+    beyond = library.predict(e, after).cuts[0]
+    if e.beside is None and beyond >= (1.0 - constants.FORM) * predicted.cuts[0]:
         return True
     before, left = (linearised.excess(e, library, fitted)[0] for fitted in (now, after))
     if not adequate(before, left, before if may_be_form else predicted.cuts[0]):
         return False
     if left <= constants.FORM * before or left <= constants.OUTDONE * (1.0 - predicted.share) * before:
         return True
-    return not library.predict(e, after).cuts[0]
+    return not beyond
 
 
 def _added(now: Fitted, after: Fitted) -> list[EffectValues]:
@@ -247,14 +250,3 @@ def _if_bent(added: Sequence[EffectValues], tried: Starts) -> Sequence[EffectVal
 def _bent(added: Sequence[EffectValues]) -> bool:
     """Whether the column of one of them explains little away from its place on the grid."""
     return any(bends(valued.effect) for valued in added)
-
-
-def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> list[EffectValues]:
-    """The effects with more of them; a wider form of a present effect takes its place and its values."""
-    kept, fresh = list(present), []
-    for valued in added:
-        narrow = next((old for old in kept if old.effect.name == EFFECTS[valued.effect.name].extends), None)
-        known = {} if narrow is None else {name: x for name, x in narrow.values.items() if name in valued.values}
-        kept = [old for old in kept if old is not narrow]
-        fresh.append(EffectValues(valued.effect, {**valued.values, **known}))
-    return [*kept, *fresh]

@@ -14,7 +14,7 @@ import numpy as np
 from stagectl.gap.logs.session import Array
 from stagectl.gap.selection import place_search
 from stagectl.gap.selection.baseline_fit import sum_of_squares
-from stagectl.gap.selection.candidates import EffectValues, Form, bends
+from stagectl.gap.selection.candidates import EffectValues, Form, bends, in_place
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.thresholds import MISSING_SHARE
@@ -24,7 +24,7 @@ Starts = Callable[[], Sequence[EffectValues]]  # found once: they take long
 
 def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectValues]:
     """Of each effect that bends and is not in `now`, the place that leaves least; the best effect comes first."""
-    present = {valued.effect.name for valued in now.effects}
+    present = in_place(now.effects)
     grids: dict[str, list[Form]] = {}
     for form in (form for form in library.forms if bends(form.effect) and form.effect.name not in present):
         grids.setdefault(form.effect.name, []).append(form)

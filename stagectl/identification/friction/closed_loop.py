@@ -108,11 +108,12 @@ def _sliding(p: stage.Stage, position: float, velocity: float) -> stage.State:
     side = math.copysign(1.0, velocity) if velocity else 0.0
     x, bristle = stage.at_reading(p, position), p.friction.bristle
     factor = friction.stribeck(p.friction.stribeck, velocity)
-    for j in range(len(p.friction.operators.weight)):
-        x.stops[j] = side * factor
+    for j in range(len(x.stops)):
+        x.stops[j] = x.memory.stops[j] = side * factor
     bent = side * bristle.coulomb * friction.stribeck(bristle.stribeck, velocity) / bristle.stiffness
-    force = side * float(sum(p.friction.operators.weight)) * factor
-    return x._replace(velocity=velocity, bristle=bent, force=force + bristle.stiffness * bent)
+    force = side * float(sum(p.friction.operators.weight)) * factor + bristle.stiffness * bent
+    memory = x.memory._replace(load_velocity=velocity, behind=stage.Contact(force, bent, 0.0, 0.0))
+    return x._replace(velocity=velocity, bristle=bent, force=force, memory=memory)
 
 
 @kernel

@@ -14,7 +14,7 @@ import jinja2
 from stagectl.config.stage_file import Setup
 from stagectl.interchange.c_code.translation import Translation
 from stagectl.interchange.fmu.variables import Leaf, Variable, leaves
-from stagectl.kernels import equilibrium, stage
+from stagectl.kernels import equilibrium, plant_with_effects, stage
 from stagectl.recording.metadata import versions
 from stagectl.units import Quantity, in_base_units
 
@@ -78,7 +78,7 @@ def _number(value: float | int) -> str:
 def header(setup: Setup, variables: list[Variable]) -> str:
     """The text of model.h."""
     kernels = Translation()
-    for kernel in (stage.period, stage.measured, stage.reported, equilibrium.standing):
+    for kernel in (stage.period, stage.measured, stage.reported, plant_with_effects.opposing, equilibrium.standing):
         kernels.add(kernel)
     each = list(leaves(setup.stage))
     starts = [*((variable.place, variable.start) for variable in variables), *_constants(each)]

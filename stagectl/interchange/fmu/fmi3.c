@@ -37,11 +37,12 @@ static fmi3Status failed(unit *u, const char *words, ...) {
 static void observed(model *m) {
     m->measured = stage_measured(m->p.encoder, m->x, m->noise);
     m->reported = stage_reported(m->p.drive, m->x, PERIOD);
+    m->friction = plant_with_effects_opposing(m->p.mechanics, m->x);
 }
 
 static void at_rest(model *m) {
     model_ready(m);
-    m->x = equilibrium_standing(m->p, m->x.stops, m->start_position, m->session_time, 0.0);
+    m->x = equilibrium_standing(m->p, m->x.stops, m->x.memory.stops, m->start_position, m->session_time, 0.0);
     observed(m);
 }
 

@@ -43,7 +43,7 @@ _OUTPUTS = {  # name: place, quantity
     "current": ("x.current", Quantity("A", "[-inf, inf]", "current in the motor")),
     "reported_current": ("reported", Quantity("A", "[-inf, inf]", "motor current as the drive reports it")),
     "friction": (
-        "x.force",
+        "friction",
         Quantity("N m | N", "[-inf, inf]", "friction without its viscous part; positive against positive velocity"),
     ),
 }

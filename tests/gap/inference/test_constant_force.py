@@ -11,7 +11,7 @@ import pytest
 import stagectl as sc
 from stagectl.gap.inference import constant_force
 from stagectl.gap.result.diagnosis import FoundEffect
-from stagectl.gap.selection import established, refine, select
+from stagectl.gap.selection import established, refine
 from tests.gap.captured import CONFIG, as_csv
 from tests.gap.drawn import by_night, diagnosed, drawn
 
@@ -84,10 +84,12 @@ def test_where_nothing_stands_in_its_place_the_bias_stays_free(monkeypatch: pyte
     found: Any = SimpleNamespace(fitted=SimpleNamespace(effects=()), probability={}, _replace=lambda **_: "as it was")
     after = SimpleNamespace(fitted=fitted, probability={}, _replace=lambda **_: "in its place")
     for place, value in (
-        (constant_force, {"_compared": lambda *_: compared, "_matters": lambda *_: True}),
+        (
+            constant_force,
+            {"_compared": lambda *_: compared, "_matters": lambda *_: True, "joined": lambda *_: []},
+        ),
         (refine, {"nuisances": lambda _: ["bias"], "refine": lambda *_: None}),
         (established, {"established": lambda *_: after}),
-        (select, {"joined": lambda *_: []}),
     ):
         for name, stub in value.items():
             monkeypatch.setattr(place, name, stub)

@@ -134,7 +134,7 @@ def _place() -> tuple[Scene, ...]:
         _scene("gravity", "scan-slow", "turn", {"sine": 0.3, "cosine": 0.0, "order": 1.0}),
         _scene("current_ripple", "scan-at-two-loads", "turn", RIPPLE),
         _scene("cable_spring", "scan-slow", "position", {"stiffness": 0.1 / SIZES.stroke, "centre": SIZES.centre}),
-        _scene("cable_hysteresis", "strokes", "since", {"effort": 0.1, "slip": 1e3 * UM}),
+        _scene("cable_hysteresis", "strokes", "since", {"effort": 0.1, "slip": 1e3 * UM, "exponent": 1.0}),
     )
 
 
