@@ -34,7 +34,7 @@ def _searched(
 
     def established(_: Any, __: Any, now: Any, ___: Any) -> Any:
         standing = tuple(valued for valued in now.effects if valued.effect.name not in dropped)
-        return SimpleNamespace(fitted=SimpleNamespace(effects=standing, model=None))
+        return SimpleNamespace(fitted=SimpleNamespace(effects=standing, model=None, residual_sum_of_squares=1.0))
 
     monkeypatch.setattr(refine, "start", lambda _: SimpleNamespace(effects=(), model=None))
     monkeypatch.setattr(drive_alikes, "on_time", lambda _, __, now: now)

@@ -73,7 +73,8 @@ def test_an_interval_ends_where_a_value_cannot_lie() -> None:
 
 
 def test_models_with_an_alternative_in_the_place_of_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    named = {name: SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("cogging", "dwell", "bias")}
+    names = ("cogging", "dwell", "bias")
+    named = {name: SimpleNamespace(effect=SimpleNamespace(name=name), values={}) for name in names}
     fitted = SimpleNamespace(model=None, effects=(named["cogging"], named["dwell"]))
     rivals = {"cogging": {"bias": named["bias"], "dwell": named["dwell"]}}
     selected: Any = SimpleNamespace(fitted=fitted, rivals=rivals)
