@@ -174,29 +174,26 @@ def test_what_clips_a_current_is_simulated_for_each_repeat(
     assert refine.residuals(cast("Any", e), cast("Any", None), [cast("Any", valued)]) is single
 
 
-@pytest.mark.parametrize(("predicted_after", "stands"), [(0.0, True), (500.0, False)])
-def test_mechanics_stand_where_no_function_predicts_more(
-    predicted_after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("missing", "share", "left", "predicted_after", "stands"),
+    [
+        (800.0, 1.2, 100.0, 0.0, True),
+        (800.0, 1.2, 100.0, 500.0, False),
+        (1200.0, 0.9, 780.0, 640.0, True),
+        (1200.0, 0.9, 780.0, 500.0, False),
+    ],
+)
+def test_mechanics_stand_where_no_function_predicts_more_or_as_much_as_before(
+    missing: float, share: float, left: float, predicted_after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An eighth of the misfit is left, next to functions that explain all of it: noise alone is no rival."""
+    """An eighth of the misfit is left, next to functions that explain all of it: noise alone is no rival.
+
+    Friction that warms up explains little where a Stribeck curve is missing, too; a spring takes from a function.
+    """
     valued = SimpleNamespace(effect=SimpleNamespace(name="cable_spring", block="mechanics", time_variation=None))
-    before, after = SimpleNamespace(effects=(), left=800.0), SimpleNamespace(effects=(valued,), left=100.0)
+    before, after = SimpleNamespace(effects=(), left=missing), SimpleNamespace(effects=(valued,), left=left)
     monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
-    of = {800.0: linearised.Predicted((700.0, 0.0), 1.2), 100.0: linearised.Predicted((predicted_after, 0.0))}
-    library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
-    e, fits = cast("Any", SimpleNamespace(beside=None)), (cast("Any", before), cast("Any", after))
-    assert select._stands_against_functions(e, library, *fits) is stands
-
-
-@pytest.mark.parametrize(("predicted_after", "stands"), [(640.0, True), (500.0, False)])
-def test_what_leaves_a_function_as_much_as_before_is_missing_beside_it(
-    predicted_after: float, stands: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Friction that warms up explains little where a Stribeck curve is missing, too; a spring takes from a function."""
-    valued = SimpleNamespace(effect=SimpleNamespace(name="thermal_coulomb", block="mechanics", time_variation=None))
-    before, after = SimpleNamespace(effects=(), left=1200.0), SimpleNamespace(effects=(valued,), left=780.0)
-    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
-    of = {1200.0: linearised.Predicted((700.0, 0.0), 0.9), 780.0: linearised.Predicted((predicted_after, 0.0))}
+    of = {missing: linearised.Predicted((700.0, 0.0), share), left: linearised.Predicted((predicted_after, 0.0))}
     library = cast("Any", SimpleNamespace(predict=lambda _, fitted: of[fitted.left]))
     e, fits = cast("Any", SimpleNamespace(beside=None)), (cast("Any", before), cast("Any", after))
     assert select._stands_against_functions(e, library, *fits) is stands
