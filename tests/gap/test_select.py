@@ -315,7 +315,7 @@ def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_mod
         first = "coulomb_asymmetry" if "coulomb_asymmetry" in known else "dead_time"
         return None if present else fitted(**{first: 0.1})
 
-    monkeypatch.setattr(refine, "refine", lambda _, __, kept: SimpleNamespace(effects=tuple(kept), model=None))
+    monkeypatch.setattr(bristle_shape, "refined", lambda _, __, kept: SimpleNamespace(effects=tuple(kept), model=None))
     forms = tuple(SimpleNamespace(effect=effect) for effect in effects.values())
     assert _searched(monkeypatch, forms, with_more) == ["dead_time"]
 
@@ -422,6 +422,7 @@ def test_a_rival_whose_own_fit_explains_more_takes_the_place(
     kin: Any = {"viscous_nonlinear": [stribeck]}
     selection = Selection(now, (860.0, 0.0), {"viscous_nonlinear": 0.77}, {}, {}, rivals)
     monkeypatch.setattr(refine, "refine", lambda _, __, effects: SimpleNamespace(effects=tuple(effects)))
+    monkeypatch.setattr(bristle_shape, "beside_effects", lambda _, after: after)
     monkeypatch.setattr(linearised, "excess", lambda *_: (left, 0.0))
     monkeypatch.setattr(linearised, "strokes", lambda _: 66)
     nothing: Any = None

@@ -29,7 +29,7 @@ from stagectl.gap.residuals.sensitivities import (
 from stagectl.gap.residuals.thresholds import LONGEST_SLIP
 from stagectl.gap.selection import baseline_fit, bristle_members, priors, refine, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
-from stagectl.gap.selection.candidates import equipped
+from stagectl.gap.selection.candidates import EffectValues, beside, equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.fields import put
 
@@ -42,7 +42,7 @@ class _Data(NamedTuple):
 
     runs: Sequence[Run]
     member: Direction  # the bristle
-    equip: Callable[[TrackedModel], TrackedModel]  # a model of the base, with the effects
+    effects: Sequence[EffectValues]
     residuals: Callable[[TrackedModel], list[list[Array]]]  # of a model of the base, with the effects
 
 
@@ -52,7 +52,7 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     if fit.bristle is None:
         return fit
     apart = deviations(fit.model, runs, fit.noise, fit.after)
-    data = _Data(runs, fit.bristle, lambda m: m, lambda m: residuals_about(m, runs, fit.noise, apart))
+    data = _Data(runs, fit.bristle, (), lambda m: residuals_about(m, runs, fit.noise, apart))
     shaped = _shaped(fit, data)
     shaped = shaped._replace(after=residuals_of(shaped.model, runs, fit.noise))
     return _with_columns(shaped, runs, fit.bristle) if _bristled(shaped.model) else shaped
@@ -69,7 +69,7 @@ def beside_effects(e: Evidence, now: Fitted) -> Fitted:
     data = _Data(
         e.runs,
         e.base.bristle,
-        lambda m: equipped(m, now.effects),
+        now.effects,
         lambda m: refine.residuals(e, m, now.effects),
     )
     shaped = _shaped(e.base._replace(model=now.model, after=now.residuals), data)
@@ -77,6 +77,11 @@ def beside_effects(e: Evidence, now: Fitted) -> Fitted:
         return now
     after = refine.refine(e, shaped.model, now.effects)
     return after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
+
+
+def refined(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
+    """`effects` refined from `model` on, with the bristle in the best shape next to them: the base's where none is."""
+    return beside_effects(e, refine.refine(e, model if effects else e.base.model, effects))
 
 
 def _bristled(m: TrackedModel) -> bool:
@@ -98,8 +103,8 @@ def _stepped(fit: BaselineFit, data: _Data) -> tuple[BaselineFit, float]:
     """One Gauss-Newton step, or the share of it that lowers the cost, and by how much; else the same fit."""
     free = [one for one in fit.directions if not bristle_members.is_member(one.name)]
     names = [*baseline_fit.parameter_names(free), data.member.name]
-    moving = [_with_effects(one, fit.model, data) for one in (*free, *_of_bristle(fit, data.member))]
-    columns = all_columns(data.equip(fit.model), data.runs, moving, fit.noise)
+    moving = [beside(one, fit.model, data.effects) for one in (*free, *_of_bristle(fit, data.member))]
+    columns = all_columns(equipped(fit.model, data.effects), data.runs, moving, fit.noise)
     g = gram_matrices.fold_sums(gram_matrices.products(data.runs, columns, baseline_fit.START), fit.after)
     weight = priors.temper(g, names, fit.prior)
     shape = _shape_limits(fit.model, LONGEST_SLIP * length(fit.prior.nominal.stage.friction))
@@ -114,10 +119,6 @@ def _stepped(fit: BaselineFit, data: _Data) -> tuple[BaselineFit, float]:
         return fit._replace(model=model, after=data.residuals(model))
 
     return priors.shortened(step, after, cost, fit)
-
-
-def _with_effects(p: Direction, model: TrackedModel, data: _Data) -> Direction:
-    return p._replace(change=lambda _: data.equip(p.change(model)))
 
 
 def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.selection import constants, linearised, refine
+from stagectl.gap.selection import bristle_shape, constants, linearised, refine
 from stagectl.gap.selection.candidates import EffectValues, bends
 from stagectl.gap.selection.linearised import Cuts, Library
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -20,7 +20,7 @@ def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
 def refitted_without(e: Evidence, now: Fitted, names: AbstractSet[str]) -> Fitted:
     """`now` without the effects `names`, fitted anew; the same where it has none of them."""
     kept = [valued for valued in now.effects if valued.effect.name not in names]
-    return now if len(kept) == len(now.effects) else refine.refine(e, now.model, kept)
+    return now if len(kept) == len(now.effects) else bristle_shape.refined(e, now.model, kept)
 
 
 def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:

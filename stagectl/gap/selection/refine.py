@@ -10,7 +10,15 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import Run, noise_of_all
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection import baseline_fit, bristle_members, constants, effect_parameters, priors, thresholds
+from stagectl.gap.selection import (
+    baseline_fit,
+    bristle_members,
+    candidates,
+    constants,
+    effect_parameters,
+    priors,
+    thresholds,
+)
 from stagectl.gap.selection.baseline_fit import BaselineFit
 from stagectl.gap.selection.candidates import EffectValues, equipped
 from stagectl.gap.selection.free_function import FreeFunction
@@ -119,12 +127,8 @@ def at_values(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...
 
 def _around(e: Evidence, now: Fitted) -> Evidence:
     """`e` with the base's columns while the effects are in the model: across a gap, friction acts differently."""
-
-    def with_effects(p: Direction) -> Direction:
-        return p._replace(change=lambda _: equipped(p.change(now.model), now.effects))
-
     own = [p for p in e.base.directions if not bristle_members.is_member(p.name)]
-    moving = [with_effects(p) for p in (*own, *_bristle(e))]
+    moving = [candidates.beside(p, now.model, now.effects) for p in (*own, *_bristle(e))]
     columns = sensitivities.all_columns(now.equipped, e.runs, moving, e.base.noise)
     return with_products(e, gram_matrices.products(e.runs, columns, baseline_fit.START), e.beside)
 
