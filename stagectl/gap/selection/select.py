@@ -39,13 +39,16 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
 def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
     """The same from a model `now` on, whose effects may be dropped again.
 
-    One that is dropped, or replaced, may have stood in the place of others: these are looked for once more.
+    One that is dropped, or replaced, may have stood in the place of others: next to those that stay, these are looked
+    for once more.
     """
     whole = _grown_whole(e, library, now, say)
     found = established(e, library, whole, say)
-    if not _added(found.fitted, whole):
+    gone = {valued.effect.name for valued in _added(found.fitted, whole)}
+    if not gone or not _added(now, found.fitted):
         return found
-    wider = _grown_whole(e, library, found.fitted, say)
+    others = library if _added(whole, found.fitted) else drive_alikes.without_effects(library, gone)
+    wider = _grown_whole(e, others, found.fitted, say)
     more = found if wider is found.fitted else established(e, library, wider, say)
     return max(found, more, key=lambda s: (len(s.fitted.effects), -s.fitted.residual_sum_of_squares))
 
