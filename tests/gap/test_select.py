@@ -18,7 +18,7 @@ MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
 
 def _late(name: str, by: float = 0.0) -> Any:
-    effect = SimpleNamespace(name=name, amplitudes=[SimpleNamespace(name="time")])
+    effect = SimpleNamespace(name=name, block="drive", amplitudes=[SimpleNamespace(name="time")])
     return SimpleNamespace(effect=effect, values={"time": by})
 
 
@@ -71,7 +71,7 @@ def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     monkeypatch.setattr(select, "_grown", lambda *_: after)
     monkeypatch.setattr(select, "_stands_against_functions", lambda *_: True)
     library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
-    grown = select._with_small(cast("Any", None), library, cast("Any", None), lambda: ())
+    grown = select._with_small(cast("Any", None), library, cast("Any", SimpleNamespace(effects=())), lambda: ())
     assert (grown is after) == fitted and material.explains_most(MISSING, LEFT, 10)
 
 
@@ -242,8 +242,8 @@ def test_what_bends_is_fitted_where_a_band_or_more_than_the_noise_is_missing(
         assert rival == missing
         return SimpleNamespace(effects=effects, left=left, residual_sum_of_squares=left)
 
-    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
-    monkeypatch.setattr(linearised, "strokes", lambda _: 100)
+    # That less of a current is missing says nothing of mechanics.
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 500.0 if fitted is now else 0.0))
     monkeypatch.setattr(refine, "floor", lambda _: 7e4)
     monkeypatch.setattr(refine, "refine", refined)
     monkeypatch.setattr(select, "vanishes", lambda _: False)
@@ -394,6 +394,21 @@ def test_the_current_shows_a_slower_loop_whatever_is_missing_in_the_mechanics(
     monkeypatch.setattr(linearised, "strokes", lambda _: 66)
     nothing: Any = None
     assert material.is_material(nothing, _library(), cast("Any", whole), loop) is material_one
+
+
+@pytest.mark.parametrize(("block", "material_one"), [("mechanics", False), ("drive", True)])
+def test_mechanics_do_not_explain_what_a_current_lacks(
+    monkeypatch: pytest.MonkeyPatch, block: str, material_one: bool
+) -> None:
+    """A base that moves was kept, as the current lacked 1 instead of 110 with it; of the effort it took nothing."""
+    effect = SimpleNamespace(name="base_vibration", block=block, resonant=True, nonlinear=False)
+    valued, rest, now = SimpleNamespace(effect=effect), object(), object()
+    cuts = {id(rest): (86462.0, 110.0), id(now): (86450.0, -1.0)}
+    monkeypatch.setattr(material, "without", lambda *_: rest)
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: cuts[id(fitted)])
+    monkeypatch.setattr(linearised, "strokes", lambda _: 66)
+    nothing: Any = None
+    assert material.is_material(nothing, _library(), cast("Any", now), cast("Any", valued)) is material_one
 
 
 @pytest.mark.parametrize(
