@@ -23,8 +23,9 @@ Starts = Callable[[], Sequence[EffectValues]]  # found once: they take long
 
 
 def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectValues]:
-    """Of each effect that bends and is not in `now`, the place that leaves least; the best effect comes first.
+    """Of each effect that bends and is not in `now`, the place that leaves least; the best place comes first.
 
+    Of what hits stops, all that are promising: a fit ends near where it began, and which ends best shows at its end.
     None where no more effort is left than the noise's sum of squares may scatter by: it would be the noise's place.
     """
     if linearised.excess(e, library, now)[0] <= NORMAL * math.sqrt(2.0 * refine.floor(e)):
@@ -36,8 +37,10 @@ def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectVa
     chosen = telling(_missing(linearised.remains(e, library, now)), np.array([run.rows for run in e.runs]))
     part = (_part(e, chosen), _on(library, chosen), now._replace(residuals=list(compress(now.residuals, chosen))))
     left_by = place_search.left_by(e, library, now)
-    tried = (place_search.places(*part, grid) for grid in grids.values())
-    found = [min(((left_by(place), place) for place in of_one), key=itemgetter(0)) for of_one in tried]
+    found: list[tuple[float, EffectValues]] = []
+    for grid in grids.values():
+        ranked = sorted(((left_by(place), place) for place in place_search.places(*part, grid)), key=itemgetter(0))
+        found += ranked if grid[0].effect.nonlinear else ranked[:1]
     return [place for left, place in sorted(found, key=itemgetter(0)) if math.isfinite(left)]
 
 
