@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from stagectl.gap.selection import bristle_shape, drive_alikes, refine
+from stagectl.gap.selection import drive_alikes, refine
 
 AMPLITUDES = {"current_gain": ["size"], "torque_path": ["gain", "gain_asymmetry", "offset", "directed_offset"]}
 
@@ -68,6 +68,7 @@ def test_the_other_scale_may_leave_the_noise_that_it_makes_larger(
         values=lambda of: dict(zip(sizes, of, strict=True)),
     )
     tried = fitted(other, left)
-    monkeypatch.setattr(bristle_shape, "refined", lambda *_: tried)
+    monkeypatch.setattr(drive_alikes, "shaped_as", lambda model, _: model)
+    monkeypatch.setattr(refine, "refine", lambda *_: tried)
     library: Any = SimpleNamespace(forms=(form,))
     assert drive_alikes.other_scales(evidence(), library, fitted(name)) == ([tried] if as_good else [])

@@ -496,7 +496,7 @@ def test_a_fit_ends_where_no_further_step_brings_it_to_its_rival(
         return after, now.residual_sum_of_squares - taken[-1], 0.0
 
     monkeypatch.setattr(refine, "at_values", lambda *_: SimpleNamespace(effects=(), residual_sum_of_squares=100.0))
-    monkeypatch.setattr(refine, "_step", step)
+    monkeypatch.setattr(refine, "step", step)
     refine.refine(cast("Any", None), cast("Any", None), (), rival=rival)
     assert len(taken) == steps
 
