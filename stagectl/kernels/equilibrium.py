@@ -84,14 +84,15 @@ def in_motion(p: Stage, x: State, velocity: float, current: float, dt: float) ->
     The motor has had its `current` (A) for a while, and all friction slips in that direction, as past its rolling zone.
     """
     side = math.copysign(1.0, velocity)
+    slipping = side * friction.stribeck(p.friction.stribeck, velocity)
     position = x.position + velocity * p.encoder.delay_samples * dt
     for j in range(len(x.stops)):
-        x.stops[j] = x.memory.stops[j] = side
+        x.stops[j] = x.memory.stops[j] = slipping
     bristle = side * friction_bristle.slipping(p.friction.bristle, velocity)
     places = (position - age * velocity * dt for age in range(8))
     a, b, c, d, e, f, g, h = (plant_with_effects.seen(p.encoder, p.mechanics.pitch, place) for place in places)
     commands: Line = (current, current, current, current, current, current, current, current)
-    force = side * sum(p.friction.operators.weight) + p.friction.bristle.stiffness * bristle
+    force = slipping * sum(p.friction.operators.weight) + p.friction.bristle.stiffness * bristle
     memory = x.memory._replace(
         load=x.memory.load + position - x.position,
         load_velocity=velocity,

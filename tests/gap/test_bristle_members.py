@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 
 import stagectl as sc
+from stagectl.config.stage_file import load_stage
 from stagectl.gap import diagnose
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals import friction_family
+from stagectl.gap.residuals.sensitivities import TrackedModel, model_of
 from stagectl.gap.residuals.thresholds import LONGEST_SLIP
 from stagectl.gap.selection import bristle_shape, refine, thresholds
+from stagectl.gap.selection.bristle_members import shaped_as
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Evidence
 from stagectl.kernels import friction_bristle
+from stagectl.kernels.fields import put
 from tests.gap.captured import CONFIG, as_csv
 
 MOTIONS = ("sine-2um", "sine-0.8hz")  # within the rolling zone, and far beyond it
@@ -100,3 +104,19 @@ def test_a_rolling_zone_is_the_way_on_which_all_but_a_twentieth_reverses() -> No
         way = friction_family.zone(law)
         _, deflection = friction_bristle.bent(law, -1e-3, 1.0, way, 1.0)
         assert 800.0 * deflection == pytest.approx(0.8 * (1.0 - 2.0 * 0.05), rel=1e-9)
+
+
+@pytest.mark.parametrize(("own", "other", "expected"), [(0.4, 0.8, 0.4), (0.0, 0.8, 0.0), (0.4, 0.0, 0.4)])
+def test_a_bristle_takes_the_shape_of_another_and_keeps_its_force(own: float, other: float, expected: float) -> None:
+    def model(coulomb: float, exponent: float) -> TrackedModel:
+        bristle = friction_bristle.Bristle(coulomb, 100.0 * exponent, exponent)
+        return model_of(put(load_stage(CONFIG / "ball-screw.yaml").stage, "friction.bristle", bristle), 5e-4)
+
+    m, shape = model(own, 1.0), model(other, 2.0)
+    taken = shaped_as(m, shape).stage.friction.bristle
+    assert taken.coulomb == expected
+    if own and other:
+        assert taken.exponent == 2.0
+        assert friction_family.zone(taken) == pytest.approx(friction_family.zone(shape.stage.friction.bristle))
+    else:
+        assert taken == m.stage.friction.bristle

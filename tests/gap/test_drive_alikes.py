@@ -68,6 +68,7 @@ def test_the_other_scale_may_leave_the_noise_that_it_makes_larger(
         values=lambda of: dict(zip(sizes, of, strict=True)),
     )
     tried = fitted(other, left)
+    monkeypatch.setattr(drive_alikes, "shaped_as", lambda model, _: model)
     monkeypatch.setattr(refine, "refine", lambda *_: tried)
     library: Any = SimpleNamespace(forms=(form,))
     assert drive_alikes.other_scales(evidence(), library, fitted(name)) == ([tried] if as_good else [])

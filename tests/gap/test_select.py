@@ -18,7 +18,7 @@ MISSING, LEFT = (1000.0, 0.0), (100.0, 0.0)  # before and after the fit
 
 
 def _late(name: str, by: float = 0.0) -> Any:
-    effect = SimpleNamespace(name=name, amplitudes=[SimpleNamespace(name="time")])
+    effect = SimpleNamespace(name=name, block="drive", amplitudes=[SimpleNamespace(name="time")])
     return SimpleNamespace(effect=effect, values={"time": by})
 
 
@@ -71,7 +71,7 @@ def test_a_resonance_between_two_places_of_its_grid_is_fitted(
     monkeypatch.setattr(select, "_grown", lambda *_: after)
     monkeypatch.setattr(select, "_stands_against_functions", lambda *_: True)
     library = cast("Any", SimpleNamespace(predict=lambda *_: linearised.Predicted()))
-    grown = select._with_small(cast("Any", None), library, cast("Any", None), lambda: ())
+    grown = select._with_small(cast("Any", None), library, cast("Any", SimpleNamespace(effects=())), lambda: ())
     assert (grown is after) == fitted and material.explains_most(MISSING, LEFT, 10)
 
 
@@ -242,8 +242,8 @@ def test_what_bends_is_fitted_where_a_band_or_more_than_the_noise_is_missing(
         assert rival == missing
         return SimpleNamespace(effects=effects, left=left, residual_sum_of_squares=left)
 
-    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 0.0))
-    monkeypatch.setattr(linearised, "strokes", lambda _: 100)
+    # That less of a current is missing says nothing of mechanics.
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: (fitted.left, 500.0 if fitted is now else 0.0))
     monkeypatch.setattr(refine, "floor", lambda _: 7e4)
     monkeypatch.setattr(refine, "refine", refined)
     monkeypatch.setattr(select, "vanishes", lambda _: False)
@@ -280,10 +280,12 @@ def test_what_a_dropped_effect_stood_for_is_looked_for_once_more(
     effects = {name: SimpleNamespace(name=name, amplitudes=()) for name in names}
     forms = tuple(SimpleNamespace(effect=effect) for effect in effects.values())
     searches: list[tuple[str, ...]] = []
+    offered: list[set[str]] = []
 
-    def with_more(_: Any, __: Any, now: Any, ___: Any) -> Any:
+    def with_more(_: Any, library: Any, now: Any, ___: Any) -> Any:
         present = tuple(valued.effect.name for valued in now.effects)
         searches.append(present)
+        offered.append({form.effect.name for form in library.forms})
         more = {(): names[:2], names[:1]: (names[0], hidden) if hidden else ()}.get(present, ())
         return (
             SimpleNamespace(effects=tuple(SimpleNamespace(effect=effects[n], values={}) for n in more))
@@ -294,6 +296,21 @@ def test_what_a_dropped_effect_stood_for_is_looked_for_once_more(
     selected = _searched(monkeypatch, forms, with_more, frozenset(["current_loop"]))
     assert selected == ([names[0], hidden] if found else [names[0]])
     assert len(searches) == (4 if found else 3)  # once more, and no further
+    assert offered == [set(names)] * 2 + [set(names) - {"current_loop"}] * (len(searches) - 2)
+
+
+def test_a_search_of_which_nothing_stands_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would find the same.  Of a machine without effects a search took nine minutes, and half of that twice."""
+    effect, searches = SimpleNamespace(name="base_vibration", amplitudes=()), list[Any]()
+
+    def with_more(_: Any, __: Any, now: Any, ___: Any) -> Any:
+        searches.append(now)
+        found = SimpleNamespace(effect=effect, values={})
+        return None if now.effects else SimpleNamespace(effects=(found,))
+
+    forms = (SimpleNamespace(effect=effect),)
+    assert _searched(monkeypatch, forms, with_more, frozenset([effect.name])) == []
+    assert len(searches) == 2  # with the effect, and next to it
 
 
 def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_model(
@@ -315,7 +332,7 @@ def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_mod
         first = "coulomb_asymmetry" if "coulomb_asymmetry" in known else "dead_time"
         return None if present else fitted(**{first: 0.1})
 
-    monkeypatch.setattr(refine, "refine", lambda _, __, kept: SimpleNamespace(effects=tuple(kept), model=None))
+    monkeypatch.setattr(bristle_shape, "refined", lambda _, __, kept: SimpleNamespace(effects=tuple(kept), model=None))
     forms = tuple(SimpleNamespace(effect=effect) for effect in effects.values())
     assert _searched(monkeypatch, forms, with_more) == ["dead_time"]
 
@@ -379,6 +396,21 @@ def test_the_current_shows_a_slower_loop_whatever_is_missing_in_the_mechanics(
     assert material.is_material(nothing, _library(), cast("Any", whole), loop) is material_one
 
 
+@pytest.mark.parametrize(("block", "material_one"), [("mechanics", False), ("drive", True)])
+def test_mechanics_do_not_explain_what_a_current_lacks(
+    monkeypatch: pytest.MonkeyPatch, block: str, material_one: bool
+) -> None:
+    """A base that moves was kept, as the current lacked 1 instead of 110 with it; of the effort it took nothing."""
+    effect = SimpleNamespace(name="base_vibration", block=block, resonant=True, nonlinear=False)
+    valued, rest, now = SimpleNamespace(effect=effect), object(), object()
+    cuts = {id(rest): (86462.0, 110.0), id(now): (86450.0, -1.0)}
+    monkeypatch.setattr(material, "without", lambda *_: rest)
+    monkeypatch.setattr(linearised, "excess", lambda _, __, fitted: cuts[id(fitted)])
+    monkeypatch.setattr(linearised, "strokes", lambda _: 66)
+    nothing: Any = None
+    assert material.is_material(nothing, _library(), cast("Any", now), cast("Any", valued)) is material_one
+
+
 @pytest.mark.parametrize(
     ("name", "order", "gain", "dropped"),
     [
@@ -422,6 +454,7 @@ def test_a_rival_whose_own_fit_explains_more_takes_the_place(
     kin: Any = {"viscous_nonlinear": [stribeck]}
     selection = Selection(now, (860.0, 0.0), {"viscous_nonlinear": 0.77}, {}, {}, rivals)
     monkeypatch.setattr(refine, "refine", lambda _, __, effects: SimpleNamespace(effects=tuple(effects)))
+    monkeypatch.setattr(bristle_shape, "beside_effects", lambda _, after: after)
     monkeypatch.setattr(linearised, "excess", lambda *_: (left, 0.0))
     monkeypatch.setattr(linearised, "strokes", lambda _: 66)
     nothing: Any = None
@@ -463,7 +496,7 @@ def test_a_fit_ends_where_no_further_step_brings_it_to_its_rival(
         return after, now.residual_sum_of_squares - taken[-1], 0.0
 
     monkeypatch.setattr(refine, "at_values", lambda *_: SimpleNamespace(effects=(), residual_sum_of_squares=100.0))
-    monkeypatch.setattr(refine, "_step", step)
+    monkeypatch.setattr(refine, "step", step)
     refine.refine(cast("Any", None), cast("Any", None), (), rival=rival)
     assert len(taken) == steps
 

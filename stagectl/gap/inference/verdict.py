@@ -11,7 +11,16 @@ from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals.gram_matrices import NORMAL
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
-from stagectl.gap.selection.candidates import EffectValues, equipped, in_place, joined, of_the_motor, of_the_structure
+from stagectl.gap.selection.candidates import (
+    CURVE,
+    LAG,
+    EffectValues,
+    equipped,
+    in_place,
+    joined,
+    of_the_motor,
+    of_the_structure,
+)
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.material import refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -34,12 +43,12 @@ def named_effects(session: Session, e: Evidence, selected: Selection, known: Seq
 
 
 def _split(effect: FoundEffect) -> list[FoundEffect]:
-    """An effect that works on another one, and that other one: what lags is a Stribeck friction."""
-    if effect.name != "friction_lag":
+    """An effect that works on another one, and that other one: see `candidates.parts`."""
+    if effect.name != LAG:
         return [effect]
     curve = {name: value for name, value in effect.parameters.items() if name != "lag"}
-    others = tuple(name for name in effect.alternatives if name != "stribeck")
-    return [effect._replace(name="stribeck", parameters=curve, coordinate="speed", alternatives=others), effect]
+    others = tuple(name for name in effect.alternatives if name != CURVE)
+    return [effect._replace(name=CURVE, parameters=curve, coordinate="speed", alternatives=others), effect]
 
 
 def only_named(e: Evidence, selected: Selection) -> Selection:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
-from stagectl.gap.residuals.sensitivities import Direction
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
 from stagectl.gap.selection import thresholds
 from stagectl.gap.selection.priors import MEMBER
 from stagectl.kernels import friction_bristle, stage
@@ -49,6 +49,14 @@ def member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
     """The bristle `p`, as strong as `size` (N m | N)."""
     bristle = friction_bristle.scaled(p, size / p.coulomb)
     return Direction(name, lambda m: put(m, BRISTLE, bristle), size)
+
+
+def shaped_as(m: TrackedModel, other: TrackedModel) -> TrackedModel:
+    """`m` with its bristle in the shape of that of `other`, as strong as before; unchanged where one has none."""
+    own, shape = (each.stage.friction.bristle for each in (m, other))
+    if not (own.coulomb and shape.coulomb):
+        return m
+    return put(m, BRISTLE, friction_bristle.scaled(shape, own.coulomb / shape.coulomb))
 
 
 def with_best(family: Family, residuals: list[list[Array]], names: Sequence[str]) -> Family:

@@ -9,27 +9,19 @@ friction, but the drag of a cable.
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.friction_family import critical, length, zone
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.sensitivities import (
-    Direction,
-    TrackedModel,
-    all_columns,
-    deviations,
-    residuals_about,
-    residuals_of,
-)
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, residuals_of
 from stagectl.gap.residuals.thresholds import LONGEST_SLIP
-from stagectl.gap.selection import baseline_fit, bristle_members, priors, refine, thresholds
+from stagectl.gap.selection import baseline_fit, bristle_members, refine, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
-from stagectl.gap.selection.candidates import equipped
+from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.fields import put
 
@@ -37,25 +29,15 @@ SHAPES = ("shape_length", "shape_exponent", "shape_damping")  # logarithms; shar
 _MOST = math.log(thresholds.SHAPE_FACTOR)
 
 
-class _Data(NamedTuple):
-    """What a bristle is fitted to, and next to which effects."""
-
-    runs: Sequence[Run]
-    member: Direction  # the bristle
-    equip: Callable[[TrackedModel], TrackedModel]  # a model of the base, with the effects
-    residuals: Callable[[TrackedModel], list[list[Array]]]  # of a model of the base, with the effects
-
-
 def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: Sequence[str] = ()) -> BaselineFit:
     """`baseline_fit.refit`, and where it has chosen a bristle, that in its best shape."""
     fit = baseline_fit.refit(session, runs, nominal, frozen)
     if fit.bristle is None:
         return fit
-    apart = deviations(fit.model, runs, fit.noise, fit.after)
-    data = _Data(runs, fit.bristle, lambda m: m, lambda m: residuals_about(m, runs, fit.noise, apart))
-    shaped = _shaped(fit, data)
-    shaped = shaped._replace(after=residuals_of(shaped.model, runs, fit.noise))
-    return _with_columns(shaped, runs, fit.bristle) if _bristled(shaped.model) else shaped
+    e = refine.evidence(runs, fit)
+    model = _shaped(e, refine.start(e)).model
+    shaped = fit._replace(model=model, after=residuals_of(model, runs, fit.noise))
+    return _with_columns(shaped, runs, fit.bristle) if _bristled(model) else shaped
 
 
 def beside_effects(e: Evidence, now: Fitted) -> Fitted:
@@ -66,75 +48,56 @@ def beside_effects(e: Evidence, now: Fitted) -> Fitted:
     """
     if e.base.bristle is None or e.beside is not None or not (now.effects and _bristled(now.model)):
         return now
-    data = _Data(
-        e.runs,
-        e.base.bristle,
-        lambda m: equipped(m, now.effects),
-        lambda m: refine.residuals(e, m, now.effects),
-    )
-    shaped = _shaped(e.base._replace(model=now.model, after=now.residuals), data)
-    if shaped.model is now.model:
-        return now
-    after = refine.refine(e, shaped.model, now.effects)
-    return after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
+    return _shaped(e, now)
+
+
+def refined(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
+    """`effects` refined from `model` on, with the bristle in the best shape next to them: the base's where none is."""
+    return beside_effects(e, refine.refine(e, model if effects else e.base.model, effects))
 
 
 def _bristled(m: TrackedModel) -> bool:
     return m.stage.friction.bristle.coulomb > 0.0
 
 
-def _shaped(fit: BaselineFit, data: _Data) -> BaselineFit:
-    """`fit` with its bristle in the best shape; the same where no bristle is left in the model."""
+def _shaped(e: Evidence, now: Fitted) -> Fitted:
+    """`now` with its bristle in the best shape, all else next to it; as it is where no bristle is left in the model.
+
+    The columns of the bristle turn with its shape, and are taken at each step; all others where the steps settle.
+    """
+    around, fresh = _around(e, now), True
     for _ in range(thresholds.SHAPE_STEPS):
-        if not _bristled(fit.model):
+        if not _bristled(now.model):
             break
-        fit, gain = _stepped(fit, data)
-        if gain < thresholds.SETTLED:
+        now, gain, _ = refine.step(around, now, _of_bristle(e, now.model))
+        settled = gain < thresholds.SETTLED
+        if settled and fresh:
             break
-    return fit
+        around, fresh = (_around(e, now), True) if settled else (around, False)
+    return now
 
 
-def _stepped(fit: BaselineFit, data: _Data) -> tuple[BaselineFit, float]:
-    """One Gauss-Newton step, or the share of it that lowers the cost, and by how much; else the same fit."""
-    free = [one for one in fit.directions if not bristle_members.is_member(one.name)]
-    names = [*baseline_fit.parameter_names(free), data.member.name]
-    moving = [_with_effects(one, fit.model, data) for one in (*free, *_of_bristle(fit, data.member))]
-    columns = all_columns(data.equip(fit.model), data.runs, moving, fit.noise)
-    g = gram_matrices.fold_sums(gram_matrices.products(data.runs, columns, baseline_fit.START), fit.after)
-    weight = priors.temper(g, names, fit.prior)
-    shape = _shape_limits(fit.model, LONGEST_SLIP * length(fit.prior.nominal.stage.friction))
-    limits = np.concatenate([fit.prior.limits(fit.model, names), shape])
-    step = priors.bounded_step(g, [*names, *SHAPES], limits, fit.prior.informed(fit.model, names), weight).move
-
-    def cost(fit: BaselineFit) -> float:
-        return weight * baseline_fit.sum_of_squares(data.runs, fit.after) + fit.prior.cost(fit.model, names)
-
-    def after(move: Mapping[str, float]) -> BaselineFit:
-        model = _bent(baseline_fit.moved(fit.model, move, data.member, fit.prior.dt), move)
-        return fit._replace(model=model, after=data.residuals(model))
-
-    return priors.shortened(step, after, cost, fit)
+def _around(e: Evidence, now: Fitted) -> Evidence:
+    """`e` with the columns of the base next to the effects of `now`, but for those of its bristle."""
+    e = refine.around_effects(e, now)
+    kept = [name for name in e.base.products.names if not bristle_members.is_member(name)]
+    return refine.with_products(e, gram_matrices.selected(e.base.products, kept), None)
 
 
-def _with_effects(p: Direction, model: TrackedModel, data: _Data) -> Direction:
-    return p._replace(change=lambda _: data.equip(p.change(model)))
+def _of_bristle(e: Evidence, m: TrackedModel) -> refine.Shape:
+    """The force of the bristle that is in the model, whose column turns with its shape, and that shape."""
+    longest, change = LONGEST_SLIP * length(e.base.prior.nominal.stage.friction), thresholds.SHAPE_SENSITIVITY
+    shape = [Direction(name, functools.partial(_bent, move={name: change}), change) for name in SHAPES]
+    limits = dict(zip(SHAPES, _shape_limits(m, longest), strict=True))
+    return refine.Shape([*refine.bristle(e), *shape], limits, _bent)
 
 
-def _of_bristle(fit: BaselineFit, member: Direction) -> list[Direction]:
-    """The directions of the force of the bristle that is in the model, and of its shape."""
-    force, change = {member.name: member.size}, thresholds.SHAPE_SENSITIVITY
-    return [
-        member._replace(change=lambda m: baseline_fit.moved(m, force, member, fit.prior.dt)),
-        *(Direction(name, functools.partial(_bent, move={name: change}), change) for name in SHAPES),
-    ]
-
-
-def _shape_limits(m: TrackedModel, longest: float) -> Array:
-    """(3, 2) how far a step may take the shape of a bristle whose rolling zone is `longest` (rad | m) at most."""
+def _shape_limits(m: TrackedModel, longest: float) -> list[tuple[float, float]]:
+    """How far a step may take the shape of a bristle whose rolling zone is `longest` (rad | m) at most."""
     p = m.stage.friction.bristle
     damped = p.damping / critical(p, m.stage.mechanics.inertia)
     longer = max(min(math.log(longest / zone(p)), _MOST), 0.0)
-    return np.array([[-_MOST, longer], [-_MOST, _MOST], [-damped, thresholds.DAMPING_STEP]])
+    return [(-_MOST, longer), (-_MOST, _MOST), (-damped, thresholds.DAMPING_STEP)]
 
 
 def _bent(m: TrackedModel, move: Mapping[str, float]) -> TrackedModel:

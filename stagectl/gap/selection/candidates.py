@@ -19,6 +19,7 @@ from stagectl.gap.selection.thresholds import LARGEST_SPEED, SCALED_CHANGE
 from stagectl.kernels.stage import Stage
 from stagectl.units import ROTARY
 
+CURVE, LAG = "stribeck", "friction_lag"  # what lags is the curve
 BALL_PASS, MOTOR_WAVES = "ball_pass_ripple", ("current_ripple", "cogging", "cogging_map")
 
 
@@ -67,6 +68,14 @@ def joined(present: Sequence[EffectValues], added: Sequence[EffectValues]) -> li
         taken = {name: x for name, x in known.items() if name in valued.values}
         fresh.append(EffectValues(valued.effect, {**valued.values, **taken}))
     return [*kept, *fresh]
+
+
+def parts(valued: EffectValues) -> dict[str, EffectValues]:
+    """The effects that `valued` is said to be, each with those before it: what lags is a curve, and its lag."""
+    name = valued.effect.name
+    if name != LAG:
+        return {name: valued}
+    return {CURVE: EffectValues(valued.effect, {**valued.values, "lag": 0.0}), LAG: valued}
 
 
 def of_the_motor(valued: EffectValues, present: Sequence[EffectValues]) -> tuple[str, ...]:
@@ -145,6 +154,11 @@ def equipped(p: TrackedModel, effects: Sequence[EffectValues]) -> TrackedModel:
     for valued in effects:
         stage = valued.effect.apply(stage, valued.values)
     return p._replace(stage=stage)
+
+
+def beside(p: Direction, model: TrackedModel, effects: Sequence[EffectValues]) -> Direction:
+    """The direction `p` from `model` on, with `effects` in the place that they have."""
+    return p._replace(change=lambda _: equipped(p.change(model), effects))
 
 
 def without(effects: Sequence[Definition], excluded: Sequence[str]) -> list[Definition]:

@@ -11,6 +11,7 @@ from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from stagectl.gap.selection import constants, refine
+from stagectl.gap.selection.bristle_members import shaped_as
 from stagectl.gap.selection.candidates import EffectValues, Form
 from stagectl.gap.selection.linearised import Library
 from stagectl.gap.selection.material import most_that_stands, stands
@@ -68,7 +69,8 @@ def other_scales(e: Evidence, library: Library, now: Fitted) -> list[Fitted]:
     scale, rest = scales[0], [valued for valued in now.effects if valued is not scales[0]]
     others = [form for form in library.forms if form.effect.name in {*constants.SCALING} - {scale.effect.name}]
     sides = [EffectValues(form.effect, form.values(_opposed(scale, form))) for form in others]
-    tried = [refine.refine(e, e.base.model, [*rest, side]) for side in sides]
+    begin = shaped_as(e.base.model, now.model)
+    tried = [refine.refine(e, begin, [*rest, side]) for side in sides]
     gain = 1.0 + scale.values[scale.effect.amplitudes[0].name]
     larger = max(gain if scale.effect.name == constants.SCALING[0] else 1.0 / gain, 1.0)
     most = now.residual_sum_of_squares * (1.0 + AS_CLOSE) * larger**2
@@ -81,7 +83,8 @@ def _other_offsets(e: Evidence, now: Fitted) -> list[Fitted]:
     if offset is None:
         return []
     other = EffectValues(offset.effect, {**offset.values, "reported": 1.0 - offset.values["reported"]})
-    tried = refine.refine(e, e.base.model, [other if valued is offset else valued for valued in now.effects])
+    effects = [other if each is offset else each for each in now.effects]
+    tried = refine.refine(e, shaped_as(e.base.model, now.model), effects)
     return [tried] if tried.residual_sum_of_squares <= now.residual_sum_of_squares * (1.0 + AS_CLOSE) else []
 
 

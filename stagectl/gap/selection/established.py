@@ -9,7 +9,16 @@ from typing import NamedTuple
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.residuals.thresholds import LEAD_ORDERS
-from stagectl.gap.selection import constants, drive_alikes, linearised, refine, resonance_alikes, simulation_odds, waves
+from stagectl.gap.selection import (
+    bristle_shape,
+    constants,
+    drive_alikes,
+    linearised,
+    refine,
+    resonance_alikes,
+    simulation_odds,
+    waves,
+)
 from stagectl.gap.selection.candidates import EffectValues, joined
 from stagectl.gap.selection.evidence import fitted_odds, temper
 from stagectl.gap.selection.linearised import Library, Linearised, Remains
@@ -129,7 +138,7 @@ def _with_rival(
             gain = power * (left - sum(linearised.excess(e, library, fitted)))
             odds = fitted_odds(gain, len(rival.values) - len(valued.values), strokes)
             if odds > -math.log(constants.COMPARABLE):
-                return fitted
+                return bristle_shape.beside_effects(e, fitted)
     return None
 
 

@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 
+from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.residuals import gram_matrices
-from stagectl.gap.selection import constants, linearised, refine
+from stagectl.gap.selection import bristle_shape, constants, linearised, refine
 from stagectl.gap.selection.candidates import EffectValues, bends
 from stagectl.gap.selection.linearised import Cuts, Library
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -20,7 +21,7 @@ def without(e: Evidence, now: Fitted, valued: EffectValues) -> Fitted:
 def refitted_without(e: Evidence, now: Fitted, names: AbstractSet[str]) -> Fitted:
     """`now` without the effects `names`, fitted anew; the same where it has none of them."""
     kept = [valued for valued in now.effects if valued.effect.name not in names]
-    return now if len(kept) == len(now.effects) else refine.refine(e, now.model, kept)
+    return now if len(kept) == len(now.effects) else bristle_shape.refined(e, now.model, kept)
 
 
 def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> bool:
@@ -31,12 +32,12 @@ def is_material(e: Evidence, library: Library, now: Fitted, valued: EffectValues
         rest = refine.refine(e, now.model, rest.effects)
         if stands(library, rest, now):
             return True
-    before, after = (linearised.excess(e, library, fitted) for fitted in (rest, now))
+    before, after = (explainable(linearised.excess(e, library, fitted), [valued]) for fitted in (rest, now))
     if late:  # the current shows it, whatever is missing in the mechanics
         return explains_most(before[1:], after[1:], linearised.strokes(e))
     least = constants.ADEQUATE_BENT if bends(valued.effect) else constants.ADEQUATE
     most = explains_most(before, after, linearised.strokes(e), least)
-    return most or explains(before, after, library.predict(e, rest).cuts)
+    return most or explains(before, after, explainable(library.predict(e, rest).cuts, [valued]))
 
 
 def stands(library: Library, before: Fitted, after: Fitted) -> bool:
@@ -60,7 +61,12 @@ def most_that_stands(library: Library, before: Fitted) -> float:
     return left - constants.ADEQUATE * max(left - least, 0.0)
 
 
-def explains(before: Cuts, after: Cuts, predicted: Cuts) -> bool:
+def explainable(cuts: Cuts, effects: Sequence[EffectValues]) -> Sequence[float]:
+    """Those of the `cuts` that `effects` may explain: without one of the drive, no current is missing for them."""
+    return cuts if any(valued.effect.block == DRIVE for valued in effects) else cuts[:1]
+
+
+def explains(before: Sequence[float], after: Sequence[float], predicted: Sequence[float]) -> bool:
     """Whether what is left falls by most of what is `predicted`, in one of the cuts of which anything is."""
     return any(p and adequate(b, a, p) for b, a, p in zip(before, after, predicted, strict=True))
 

@@ -1,7 +1,7 @@
 """Gauss-Newton over everything at once: all parameters of the effects, and the base model next to them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,15 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import Run, noise_of_all
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection import baseline_fit, bristle_members, constants, effect_parameters, priors, thresholds
+from stagectl.gap.selection import (
+    baseline_fit,
+    bristle_members,
+    candidates,
+    constants,
+    effect_parameters,
+    priors,
+    thresholds,
+)
 from stagectl.gap.selection.baseline_fit import BaselineFit
 from stagectl.gap.selection.candidates import EffectValues, equipped
 from stagectl.gap.selection.free_function import FreeFunction
@@ -37,6 +45,17 @@ class Fitted(NamedTuple):
     def equipped(self) -> TrackedModel:
         """The model with its effects in place."""
         return equipped(self.model, self.effects)
+
+
+class Shape(NamedTuple):
+    """What of the base's model may move besides its parameters."""
+
+    directions: Sequence[Direction] = ()  # also of parameters whose columns are not those of the baseline fit any more
+    limits: Mapping[str, tuple[float, float]] = {}  # how far each may move that is no parameter
+    moved: Callable[[TrackedModel, Mapping[str, float]], TrackedModel] = lambda model, _: model
+
+
+AS_IT_IS = Shape()
 
 
 def evidence(runs: Sequence[Run], refitted: BaselineFit) -> Evidence:
@@ -97,9 +116,9 @@ def refine(
     if not np.isfinite(now.residual_sum_of_squares):  # it diverged: there is no step to take
         return now
     around = any(valued.effect.nonlinear for valued in effects)  # whether the base's columns are those with the effects
-    e = _around(e, now) if around else e
+    e = around_effects(e, now) if around else e
     for remaining in reversed(range(steps)):
-        before, (now, gain, promised) = now, _step(e, now)
+        before, (now, gain, promised) = now, step(e, now)
         if gain >= thresholds.SETTLED:
             left = now.residual_sum_of_squares
             if left - remaining * (before.residual_sum_of_squares - left) > rival:
@@ -107,7 +126,7 @@ def refine(
             continue
         if around or promised < thresholds.BROKEN_PROMISE:
             break
-        around, e = True, _around(e, now)
+        around, e = True, around_effects(e, now)
     return now
 
 
@@ -117,14 +136,10 @@ def at_values(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...
     return Fitted(model, effects, left, total(e, left))
 
 
-def _around(e: Evidence, now: Fitted) -> Evidence:
+def around_effects(e: Evidence, now: Fitted) -> Evidence:
     """`e` with the base's columns while the effects are in the model: across a gap, friction acts differently."""
-
-    def with_effects(p: Direction) -> Direction:
-        return p._replace(change=lambda _: equipped(p.change(now.model), now.effects))
-
     own = [p for p in e.base.directions if not bristle_members.is_member(p.name)]
-    moving = [with_effects(p) for p in (*own, *_bristle(e))]
+    moving = [candidates.beside(p, now.model, now.effects) for p in (*own, *bristle(e))]
     columns = sensitivities.all_columns(now.equipped, e.runs, moving, e.base.noise)
     return with_products(e, gram_matrices.products(e.runs, columns, baseline_fit.START), e.beside)
 
@@ -135,34 +150,38 @@ def with_products(e: Evidence, products: gram_matrices.Products, beside: FreeFun
     return e._replace(base=e.base._replace(products=joined), beside=beside)
 
 
-class _Step(NamedTuple):
+class Step(NamedTuple):
+    """A Gauss-Newton step."""
+
     after: Fitted
     gain: float  # by which the cost is lower
     promised: float  # the same if all columns are right
 
 
-def _step(e: Evidence, now: Fitted) -> _Step:
+def step(e: Evidence, now: Fitted, shape: Shape = AS_IT_IS) -> Step:
     """One Gauss-Newton step, or the share of it that lowers the cost; `now` where none does."""
     own, nuisance = parameters(now), nuisances(e)
-    g = gram_matrices.fold_sums(tangent(e, now, own), now.residuals)
+    further = [candidates.beside(p, now.model, now.effects) for p in shape.directions]
+    g = gram_matrices.fold_sums(tangent(e, now, [*own, *further]), now.residuals)
     free = free_names(e)
-    names, prior = [*nuisance, *(p.name for p in own), *free], e.base.prior
+    names, prior = [*nuisance, *(p.name for p in own), *shape.limits, *free], e.base.prior
     anywhere = [(-np.inf, np.inf)] * len(free)
-    limits = [*prior.limits(now.model, nuisance), *effect_parameters.limits(now.effects), *anywhere]
+    of_effects = effect_parameters.limits(now.effects)
+    limits = [*prior.limits(now.model, nuisance), *of_effects, *shape.limits.values(), *anywhere]
     informed = {**prior.informed(now.model, nuisance), **effect_parameters.informed(now.effects)}
     informed |= {} if e.beside is None else dict.fromkeys(free, (0.0, e.beside.deviation))
     weight = priors.temper(g, names, prior)
-    step = priors.bounded_step(g, names, np.array(limits).reshape(-1, 2), informed, weight)
+    best = priors.bounded_step(g, names, np.array(limits).reshape(-1, 2), informed, weight)
 
     def after(move: Mapping[str, float]) -> Fitted:
         shifted = tuple(effect_parameters.shifted(valued, move) for valued in now.effects)
-        return at_values(e, moved(e, now.model, move), shifted)
+        return at_values(e, shape.moved(moved(e, now.model, move), move), shifted)
 
     def cost(f: Fitted) -> float:
         sizes = sum((value / width) ** 2 for value, width in effect_parameters.informed(f.effects).values())
         return weight * f.residual_sum_of_squares + prior.cost(f.model, nuisance) + sizes
 
-    return _Step(*priors.shortened(step.move, after, cost, now), step.promised)
+    return Step(*priors.shortened(best.move, after, cost, now), best.promised)
 
 
 def nuisances(e: Evidence) -> list[str]:
@@ -179,7 +198,7 @@ def free_names(e: Evidence) -> tuple[str, ...]:
     return () if e.beside is None else e.beside.names
 
 
-def _bristle(e: Evidence) -> list[Direction]:
+def bristle(e: Evidence) -> list[Direction]:
     """The direction of the force of the bristle that is in the model, from the force that it has there."""
     member = e.base.bristle
     return [] if member is None else [member._replace(change=lambda m: moved(e, m, {member.name: member.size}))]

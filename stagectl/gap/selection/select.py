@@ -21,7 +21,7 @@ from stagectl.gap.selection import bristle_shape, constants, drive_alikes, linea
 from stagectl.gap.selection.candidates import EffectValues, bends, joined
 from stagectl.gap.selection.established import Say, Selection, established, preferred, vanishes
 from stagectl.gap.selection.linearised import Cuts, Library, Linearised
-from stagectl.gap.selection.material import adequate, at_bound, explains, explains_most, refitted_without
+from stagectl.gap.selection.material import adequate, at_bound, explainable, explains, explains_most, refitted_without
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.starting_places import Starts, starting_places
 
@@ -39,13 +39,16 @@ def select(e: Evidence, library: Library, say: Say) -> Selection:
 def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
     """The same from a model `now` on, whose effects may be dropped again.
 
-    One that is dropped, or replaced, may have stood in the place of others: these are looked for once more.
+    One that is dropped, or replaced, may have stood in the place of others: next to those that stay, these are looked
+    for once more.
     """
     whole = _grown_whole(e, library, now, say)
     found = established(e, library, whole, say)
-    if not _added(found.fitted, whole):
+    gone = {valued.effect.name for valued in _added(found.fitted, whole)}
+    if not gone or not _added(now, found.fitted):
         return found
-    wider = _grown_whole(e, library, found.fitted, say)
+    others = library if _added(whole, found.fitted) else drive_alikes.without_effects(library, gone)
+    wider = _grown_whole(e, others, found.fitted, say)
     more = found if wider is found.fitted else established(e, library, wider, say)
     return max(found, more, key=lambda s: (len(s.fitted.effects), -s.fitted.residual_sum_of_squares))
 
@@ -178,18 +181,18 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     """`now` with the effect whose column bends that explains enough of what is missing; None where none does.
 
     Around the model without it such a column may promise nothing.  Fits take long: only where no function of a
-    coordinate predicts what is missing, as none does what oscillates, and it is a band or more than the noise.
+    coordinate predicts the missing effort, as none does what oscillates, and it is a band or more than the noise.
     """
     if e.beside is not None:
         return None
-    missing = linearised.excess(e, library, now)
-    if (max(missing) <= refine.floor(e) and not library.unordered(e, now)) or any(library.predict(e, now).cuts):
+    missing = linearised.excess(e, library, now)[0]
+    if (missing <= refine.floor(e) and not library.unordered(e, now)) or any(library.predict(e, now).cuts):
         return None
     fitted = _grown(e, now, tried(), tried())
     if fitted is None:
         return None
-    left, strokes = linearised.excess(e, library, fitted), linearised.strokes(e)
-    enough = explains_most(missing, left, strokes, constants.ADEQUATE_BENT)
+    left = linearised.excess(e, library, fitted)[0]
+    enough = adequate(missing, left, missing, constants.ADEQUATE_BENT)
     return _that_stands(e, library, now, fitted) if enough else None
 
 
@@ -206,10 +209,11 @@ def _fitted(
 
 def _explain(e: Evidence, library: Library, now: Fitted, after: Fitted, at: Linearised, predicted: Cuts) -> bool:
     """Whether what `after` adds to `now` explains most of what is missing, or is most probable where it was found."""
-    left = linearised.excess(e, library, after)
-    if explains_most(at.excess, left, linearised.strokes(e)) or explains(at.excess, left, predicted):
+    added, left = _added(now, after), linearised.excess(e, library, after)
+    before, remaining, ordered = (explainable(cuts, added) for cuts in (at.excess, left, predicted))
+    if explains_most(before, remaining, linearised.strokes(e)) or explains(before, remaining, ordered):
         return True
-    return _bent(_added(now, after)) and _most_probable(e, library, now, after)
+    return _bent(added) and _most_probable(e, library, now, after)
 
 
 def _most_probable(e: Evidence, library: Library, now: Fitted, after: Fitted) -> bool:

@@ -12,29 +12,43 @@ from operator import itemgetter
 import numpy as np
 
 from stagectl.gap.logs.session import Array
-from stagectl.gap.selection import place_search
-from stagectl.gap.selection.baseline_fit import sum_of_squares
+from stagectl.gap.selection import linearised, place_search, refine
 from stagectl.gap.selection.candidates import EffectValues, Form, bends, in_place
-from stagectl.gap.selection.linearised import Library
+from stagectl.gap.selection.linearised import Library, Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.thresholds import MISSING_SHARE
+from stagectl.number_format import NORMAL
 
 Starts = Callable[[], Sequence[EffectValues]]  # found once: they take long
 
 
 def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectValues]:
-    """Of each effect that bends and is not in `now`, the place that leaves least; the best effect comes first."""
+    """Of each effect that bends and is not in `now`, the place that leaves least; the best place comes first.
+
+    Of what hits stops, all that are promising: a fit ends near where it began, and which ends best shows at its end.
+    None where no more effort is left than the noise's sum of squares may scatter by: it would be the noise's place.
+    """
+    if linearised.excess(e, library, now)[0] <= NORMAL * math.sqrt(2.0 * refine.floor(e)):
+        return []
     present = in_place(now.effects)
     grids: dict[str, list[Form]] = {}
     for form in (form for form in library.forms if bends(form.effect) and form.effect.name not in present):
         grids.setdefault(form.effect.name, []).append(form)
-    missing = [sum_of_squares([run], [left]) for run, left in zip(e.runs, now.residuals, strict=True)]
-    chosen = telling(np.array(missing), np.array([run.rows for run in e.runs]))
+    chosen = telling(_missing(linearised.remains(e, library, now)), np.array([run.rows for run in e.runs]))
     part = (_part(e, chosen), _on(library, chosen), now._replace(residuals=list(compress(now.residuals, chosen))))
     left_by = place_search.left_by(e, library, now)
-    tried = (place_search.places(*part, grid) for grid in grids.values())
-    found = [min(((left_by(place), place) for place in of_one), key=itemgetter(0)) for of_one in tried]
+    found: list[tuple[float, EffectValues]] = []
+    for grid in grids.values():
+        ranked = sorted(((left_by(place), place) for place in place_search.places(*part, grid)), key=itemgetter(0))
+        found += ranked if grid[0].effect.nonlinear else ranked[:1]
     return [place for left, place in sorted(found, key=itemgetter(0)) if math.isfinite(left)]
+
+
+def _missing(left: Remains) -> Array:
+    """(runs,) Sum of squares that is left of each run above its noise."""
+    begins = np.cumsum([0, *left.experiments[:-1]])
+    missing: Array = np.maximum(np.add.reduceat(left.strokes - left.floor, begins), 0.0)
+    return missing
 
 
 def telling(missing: Array, rows: Array) -> Array:

@@ -1,32 +1,30 @@
 """How far the gap closes, and which share of it each part of the diagnosis takes."""
 
 import functools
+import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.logs.session import Array, Log, Session
-from stagectl.gap.residuals import gram_matrices, sensitivities
-from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import Run, by_experiment, runs
-from stagectl.gap.residuals.least_squares import residual_sum_of_squares
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import BAND
 from stagectl.gap.residuals.whitening import Whitener
 from stagectl.gap.result.diagnosis import FORM, PARAMETERS, UNEXPLAINED, Gap, Trace
-from stagectl.gap.selection import priors, refine
-from stagectl.gap.selection.candidates import equipped
+from stagectl.gap.selection.candidates import EffectValues, equipped, parts
 from stagectl.gap.selection.established import Selection
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.validation import held_out_gap, rollouts
+from stagectl.gap.validation.cross_validation import optimism
 from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.gap.validation.shapley import scaled, shapley
-from stagectl.gap.validation.thresholds import BLOCKS, OPEN_ABOVE_FLOOR, OPEN_CLOSURE
+from stagectl.gap.validation.thresholds import OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.fields import put
 from stagectl.kernels.stage import Friction, Stage, scaled_friction, sliding
 from stagectl.units import unit_on
@@ -139,7 +137,7 @@ def _worth(
     """
     now, nominal = selected.fitted, sensitivities.model_of(session.stage, session.dt)
     tables = [UNEXPLAINED] if improved.residual is not session.stage.residual else []
-    names = [valued.effect.name for valued in now.effects]
+    names = [name for valued in now.effects for name in parts(valued)]
     rubs = slides(now.model.stage, nominal.stage)
     form = [FORM] if rubs and not keeps_form(improved, session.stage) else []
 
@@ -151,14 +149,21 @@ def _worth(
             model = put(model, "stage.friction", rubbing(model.stage.friction, law))
         if UNEXPLAINED in members:
             model = put(model, "stage.residual", improved.residual)
-        return remaining(equipped(model, [fitted for fitted in now.effects if fitted.effect.name in members]))
+        return remaining(equipped(model, _among(now.effects, members)))
 
     players = [PARAMETERS, *form, *names, *tables]
     shares = scaled(shapley(players, lambda members: float(of(members).sum())), gap)
     whole = frozenset(players)
     spared = unjudged(session, selected)
-    judged = [name for name in names if name not in spared]
-    return shares, most_harmful({name: _log(of(whole)) - _log(of(whole - {name})) for name in judged})
+    judged = [valued for valued in now.effects if valued.effect.name not in spared]
+    without = {valued.effect.name: whole - set(parts(valued)) for valued in judged}
+    return shares, most_harmful({name: _log(of(whole)) - _log(of(rest)) for name, rest in without.items()})
+
+
+def _among(effects: Sequence[EffectValues], members: Set[str]) -> list[EffectValues]:
+    """Those of the `effects` that are among `members`, as far as they are: a part needs all parts before it."""
+    present = (itertools.takewhile(lambda part: part[0] in members, parts(valued).items()) for valued in effects)
+    return [last for each in present for _, last in list(each)[-1:]]
 
 
 def unjudged(session: Session, selected: Selection) -> frozenset[str]:
@@ -253,31 +258,3 @@ def _by_stroke(runs: Sequence[Run], signals: Sequence[Sequence[Array]]) -> Strok
         squares += [float(square[stroke].sum()) for stroke in strokes]
         samples += [len(repeats) * float(run.weight[stroke].sum()) for stroke in strokes]
     return StrokeSums(np.array(squares), np.array(samples))
-
-
-def optimism(e: Evidence, now: Fitted) -> float:
-    """Sum of squares on blocks of half strokes that chose nothing, over that of the fit to all of them; at least 1.
-
-    Each block in turn is predicted with the parameters that all others give, linear around the fit.
-    """
-    own = refine.parameters(now)
-    g = gram_matrices.grams(refine.tangent(e, now, own), now.residuals)
-    names = [*refine.nuisances(e), *(direction.name for direction in own)]
-    strokes = np.array_split(np.arange(len(g.stroke)), min(BLOCKS, len(g.stroke)))
-    if len(strokes) < 2:
-        return 1.0
-    predicted = sum(_left(e, now, g, names, block) for block in strokes)
-    fitted = float(g.both[:, -1, -1].sum())
-    return max(predicted / max(fitted, 1e-300), 1.0)
-
-
-def _left(e: Evidence, now: Fitted, g: Grams, names: list[str], block: NDArray[np.int64]) -> float:
-    """What is left of `block` (half strokes) with the parameters of all other half strokes."""
-    others = np.setdiff1d(np.arange(len(g.stroke)), block)
-    rest = g._replace(effort=g.effort[others], current=g.current[others], floor=g.floor[others])
-    prior, nuisances = e.base.prior, refine.nuisances(e)
-    free = np.full((len(names) - len(nuisances), 2), (-np.inf, np.inf))
-    bounds = np.concatenate([prior.limits(now.model, nuisances), free])
-    informed = prior.informed(now.model, nuisances)
-    step = priors.bounded_step(rest, names, bounds, informed, priors.temper(rest, names, prior)).move
-    return residual_sum_of_squares(g.both[block].sum(axis=0), g.places(names), np.array([step[name] for name in names]))

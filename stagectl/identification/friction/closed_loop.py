@@ -19,7 +19,7 @@ import numpy as np
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
 from stagectl.identification.filtering import FilterDesign, FilteredMotion, filtered_motion
-from stagectl.kernels import friction, stage
+from stagectl.kernels import stage
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -65,7 +65,7 @@ def simulated(p: stage.Stage, servo: Servo, capture: Capture, substeps: int = th
     rows = np.empty((len(capture.reference), 2))
     before = float(capture.position[0]) - begin * capture.dt
     memory = (before, before - 0.5 * begin * capture.dt)
-    x = _sliding(p, float(capture.position[0]), begin)
+    x = stage.as_read(p, float(capture.position[0]), 0.0, (begin, float(capture.current[0])), capture.dt)
     _run(p, servo, (x, *memory), capture.reference, rows, (capture.dt, substeps))
     limit = thresholds.UNSTABLE_STROKES * float(np.ptp(capture.position))
     if not float(np.ptp(rows[:, 0])) < limit:
@@ -101,19 +101,6 @@ def motion(position: Array, capture: Capture) -> FilteredMotion:
 
 def _percent(simulated: Array, recorded: Array) -> float:
     return 100.0 * float(np.linalg.norm(simulated - recorded) / np.linalg.norm(recorded))
-
-
-def _sliding(p: stage.Stage, position: float, velocity: float) -> stage.State:
-    """The plant at this position and velocity, all of its friction slipping."""
-    side = math.copysign(1.0, velocity) if velocity else 0.0
-    x, bristle = stage.at_reading(p, position), p.friction.bristle
-    factor = friction.stribeck(p.friction.stribeck, velocity)
-    for j in range(len(x.stops)):
-        x.stops[j] = x.memory.stops[j] = side * factor
-    bent = side * bristle.coulomb * friction.stribeck(bristle.stribeck, velocity) / bristle.stiffness
-    force = side * float(sum(p.friction.operators.weight)) * factor + bristle.stiffness * bent
-    memory = x.memory._replace(load_velocity=velocity, behind=stage.Contact(force, bent, 0.0, 0.0))
-    return x._replace(velocity=velocity, bristle=bent, force=force, memory=memory)
 
 
 @kernel

@@ -100,3 +100,23 @@ def test_no_gap_of_the_position_refutes_what_a_measured_current_shows(measured: 
 
 
 BLOCKS_OF = {"current_offset": "drive", "stribeck": "mechanics", "cogging": "mechanics"}
+
+
+@pytest.mark.parametrize(
+    ("members", "present"),
+    [
+        (set(), {}),
+        ({"friction_lag"}, {}),  # of no curve
+        ({"stribeck"}, {"friction_lag": 0.0}),
+        ({"stribeck", "friction_lag", "cogging"}, {"friction_lag": 0.01, "cogging": None}),
+    ],
+)
+def test_a_lag_has_a_share_beyond_that_of_the_curve_that_lags(
+    members: set[str], present: dict[str, float | None]
+) -> None:
+    """A Stribeck friction that lags had all of the gap as its lag, and "takes none of the gap" as its curve."""
+    known = {effect.name: effect for effect in definitions(SCALES)}
+    lags = EffectValues(known["friction_lag"], {"rise": 0.1, "velocity": 1.0, "shape": 1.0, "lag": 0.01})
+    waves = EffectValues(known["cogging"], {"sine": 0.1, "cosine": 0.0, "order": 4.0})
+    among = closure._among([lags, waves], members)
+    assert {each.effect.name: each.values.get("lag") for each in among} == present
