@@ -97,7 +97,8 @@ def in_motion(p: Stage, x: State, velocity: float, current: float, dt: float) ->
         load=x.memory.load + position - x.position,
         load_velocity=velocity,
         before=current,
-        behind=Contact(force, bristle, 0.0, 0.0),
+        lagged=velocity,
+        behind=Contact(force, bristle, velocity, 0.0),
     )
     return State(commands, (a, b, c, d, e, f, g, h), current, position, velocity, force, x.stops, bristle, memory)
 

@@ -299,18 +299,46 @@ def test_what_a_dropped_effect_stood_for_is_looked_for_once_more(
     assert offered == [set(names)] * 2 + [set(names) - {"current_loop"}] * (len(searches) - 2)
 
 
-def test_a_search_of_which_nothing_stands_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It would find the same.  Of a machine without effects a search took nine minutes, and half of that twice."""
-    effect, searches = SimpleNamespace(name="base_vibration", amplitudes=()), list[Any]()
+@pytest.mark.parametrize(
+    ("gone", "stay", "replaced", "again"),
+    [
+        ("a", "", "", {"b", "c"}),  # the same search would find it again
+        ("ab", "", "", {"c"}),
+        ("a", "b", "", {"b", "c"}),
+        ("ab", "c", "", {"a", "b", "c"}),  # one of the two may have gone because of the other
+        ("a", "c", "c", {"a", "b", "c"}),  # next to the other effect it may stand
+    ],
+)
+def test_a_second_search_is_made_without_what_it_would_find_again(
+    gone: str, stay: str, replaced: str, again: set[str]
+) -> None:
+    """Of a machine without effects a search took nine minutes, half of them for the same once more."""
 
-    def with_more(_: Any, __: Any, now: Any, ___: Any) -> Any:
-        searches.append(now)
-        found = SimpleNamespace(effect=effect, values={})
-        return None if now.effects else SimpleNamespace(effects=(found,))
+    def fitted(names: str) -> Any:
+        return SimpleNamespace(effects=[SimpleNamespace(effect=SimpleNamespace(name=name)) for name in names])
 
-    forms = (SimpleNamespace(effect=effect),)
-    assert _searched(monkeypatch, forms, with_more, frozenset([effect.name])) == []
-    assert len(searches) == 2  # with the effect, and next to it
+    forms: Any = tuple(SimpleNamespace(effect=SimpleNamespace(name=name)) for name in "abc")
+    whole, found = fitted(gone + stay.replace(replaced, "")), SimpleNamespace(fitted=fitted(stay))
+    library = linearised.Library(forms, cast("Any", None), (0.0, 0.0))
+    others = select._other_than(library, set(gone), cast("Any", found), fitted(""), whole)
+    assert {form.effect.name for form in others.forms} == again
+
+
+def test_without_a_place_for_what_bends_the_others_of_its_set_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        refine, "refine", lambda _, __, effects, rival: SimpleNamespace(effects=effects, residual_sum_of_squares=1.0)
+    )
+    cable, base = (
+        SimpleNamespace(
+            effect=SimpleNamespace(name=name, resonant=name == "base_vibration", nonlinear=False), values={}
+        )
+        for name in ("cable_spring", "base_vibration")
+    )
+    now: Any = SimpleNamespace(model=None, effects=(), residual_sum_of_squares=2.0)
+    given: Any = [cable, base]
+    grown = select._grown(cast("Any", None), now, given, ())
+    assert grown is not None and [valued.effect for valued in grown.effects] == [cable.effect]
+    assert select._grown(cast("Any", None), now, given[1:], ()) is None
 
 
 def test_an_effect_that_a_later_fit_drives_to_an_end_of_its_range_leaves_the_model(

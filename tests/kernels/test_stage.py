@@ -147,3 +147,17 @@ def test_friction_and_encoder_see_the_same_displacement() -> None:
     p = plant()._replace(friction=stage.Friction(friction.bundle([2.0], [1.0]), friction.Stribeck()))
     for x in run(p, [math.sin(0.3 * k) for k in range(300)], 3)[1:]:
         assert x.force == pytest.approx(2.0 * x.position, rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.01])
+def test_an_axis_that_moves_on_goes_on_as_fast(lag: float) -> None:
+    """With the current that its velocity needs: its friction slips already, in the place of Stribeck's curve there."""
+    curve, velocity = friction.Stribeck(0.3, 2.0, 1.0), 2.0
+    rubs = stage.Friction(friction.bundle([0.6, 0.4], [1e-4, 2e-3]), curve, lag=lag)
+    p = plant()._replace(friction=rubs)
+    needed = (0.14 * velocity + 1.0 + 0.3 * math.exp(-1.0)) / 0.72  # A
+    x = stage.as_read(p, 0.5, 0.0, (velocity, needed), DT)
+    assert x.force == pytest.approx(1.0 + 0.3 * math.exp(-1.0), rel=1e-12)
+    for _ in range(20):
+        x = stage.period(p, x, needed, stage.SILENT, DT, 10)
+        assert x.velocity == pytest.approx(velocity, rel=1e-9)

@@ -48,7 +48,8 @@ def beside_effects(e: Evidence, now: Fitted) -> Fitted:
     """
     if e.base.bristle is None or e.beside is not None or not (now.effects and _bristled(now.model)):
         return now
-    return _shaped(e, now)
+    after = _shaped(e, now)
+    return after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
 
 
 def refined(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> Fitted:
@@ -63,7 +64,7 @@ def _bristled(m: TrackedModel) -> bool:
 def _shaped(e: Evidence, now: Fitted) -> Fitted:
     """`now` with its bristle in the best shape, all else next to it; as it is where no bristle is left in the model.
 
-    The columns of the bristle turn with its shape, and are taken at each step; all others where the steps settle.
+    The columns of bristle and effects turn, and are taken at each step; those of the base where the steps settle.
     """
     around, fresh = _around(e, now), True
     for _ in range(thresholds.SHAPE_STEPS):

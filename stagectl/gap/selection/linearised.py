@@ -1,5 +1,6 @@
 """Everything linear around one model: the residuals, what nuisances explain of them, and the effects that may join."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -148,6 +149,17 @@ def excess(e: Evidence, library: Library, now: Fitted) -> Cuts:
     """Sum of squares above the floor that base, friction and the effects' own parameters leave."""
     g = gram_matrices.fold_sums(known(e, library, now), now.residuals)
     return left_of(g, parameters(e, now, g), library.products, now)
+
+
+def scatter(e: Evidence, library: Library, now: Fitted) -> float:
+    """Standard deviation of the `excess` of the effort where nothing is missing, at most; 0 without repeats.
+
+    Of R repeats, n samples of unit noise leave n R, and their mean and their differences scatter by themselves: the
+    variance is 2 n R / (R - 1).  Noise that is not white has fewer samples of its own.
+    """
+    repeats = float(np.mean([len(each) for each in e.deviations]))
+    noise = float(gram_matrices.noise(library.products, now.residuals)[0])
+    return math.sqrt(2.0 * noise / max(repeats - 1.0, 1.0))
 
 
 def remains(e: Evidence, library: Library, now: Fitted) -> Remains:

@@ -13,7 +13,7 @@ repeats and has an order, what explains it is no trace, however small it is: not
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 from stagectl.gap.effects.effect import DRIVE
 from stagectl.gap.effects.library import EFFECTS
@@ -45,12 +45,21 @@ def select_from(e: Evidence, library: Library, now: Fitted, say: Say) -> Selecti
     whole = _grown_whole(e, library, now, say)
     found = established(e, library, whole, say)
     gone = {valued.effect.name for valued in _added(found.fitted, whole)}
-    if not gone or not _added(now, found.fitted):
+    if not gone:
         return found
-    others = library if _added(whole, found.fitted) else drive_alikes.without_effects(library, gone)
-    wider = _grown_whole(e, others, found.fitted, say)
+    wider = _grown_whole(e, _other_than(library, gone, found, now, whole), found.fitted, say)
     more = found if wider is found.fitted else established(e, library, wider, say)
     return max(found, more, key=lambda s: (len(s.fitted.effects), -s.fitted.residual_sum_of_squares))
+
+
+def _other_than(library: Library, gone: Set[str], found: Selection, now: Fitted, whole: Fitted) -> Library:
+    """The library for a second search: without what is `gone`, where that search would find it again.
+
+    Next to another effect, or without one of several that went one after the other, it may stand.
+    """
+    replaced, stays = _added(whole, found.fitted), _added(now, found.fitted)
+    again = not replaced and (len(gone) == 1 or not stays)
+    return drive_alikes.without_effects(library, gone) if again else library
 
 
 def _grown_whole(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
@@ -186,7 +195,7 @@ def _with_bent(e: Evidence, library: Library, now: Fitted, tried: Starts) -> Fit
     if e.beside is not None:
         return None
     missing = linearised.excess(e, library, now)[0]
-    if (missing <= refine.floor(e) and not library.unordered(e, now)) or any(library.predict(e, now).cuts):
+    if (missing <= refine.floor(e) and not library.unordered(e, now)) or library.predict(e, now).cuts[0]:
         return None
     fitted = _grown(e, now, tried(), tried())
     if fitted is None:
@@ -202,7 +211,7 @@ def _fitted(
     """`now` with `effects`, refined; None where their columns promise too little, and do not bend."""
     best = at.verdict.best(effects)
     added = at.values(best)
-    if not _bent(added) and not any(predicted) and at.explained(best) < constants.ADEQUATE:
+    if not _bent(added) and not any(explainable(predicted, added)) and at.explained(best) < constants.ADEQUATE:
         return None
     return _grown(e, now, added, _if_bent(added, tried))
 
@@ -231,15 +240,16 @@ def _most_probable(e: Evidence, library: Library, now: Fitted, after: Fitted) ->
 def _grown(e: Evidence, now: Fitted, added: Sequence[EffectValues], starts: Sequence[EffectValues]) -> Fitted | None:
     """`now` with further effects, refined by simulation; None where there are none or they do not fit.
 
-    In the place of those of `added` whose columns bend stands the one of `starts` that explains most.  One whose size
-    vanishes on the way is none: a gap of nothing behind a spring is a spring, and stands among them as such.
+    In the place of those of `added` whose columns bend stands the one of `starts` that explains most, if there is
+    any. One whose size vanishes on the way is none: a gap of nothing behind a spring is a spring, and stands among
+    them as such.
     """
-    if not added:
-        return None
     straight = [valued for valued in added if not bends(valued.effect)]
-    bent = [[start] for start in starts] if len(straight) < len(added) else [[]]
+    bent = [[start] for start in starts] if len(straight) < len(added) else []
+    if not straight and not bent:
+        return None
     best = now
-    for start in bent:
+    for start in bent or [[]]:
         effects, rival = joined(now.effects, [*straight, *start]), best.residual_sum_of_squares
         grown = refine.refine(e, now.model, effects, rival=rival)
         better = grown.residual_sum_of_squares < rival and not (start and vanishes(grown.effects[-1]))

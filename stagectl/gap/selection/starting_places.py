@@ -12,7 +12,7 @@ from operator import itemgetter
 import numpy as np
 
 from stagectl.gap.logs.session import Array
-from stagectl.gap.selection import linearised, place_search, refine
+from stagectl.gap.selection import linearised, place_search
 from stagectl.gap.selection.candidates import EffectValues, Form, bends, in_place
 from stagectl.gap.selection.linearised import Library, Remains
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -26,15 +26,17 @@ def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectVa
     """Of each effect that bends and is not in `now`, the place that leaves least; the best place comes first.
 
     Of what hits stops, all that are promising: a fit ends near where it began, and which ends best shows at its end.
-    None where no more effort is left than the noise's sum of squares may scatter by: it would be the noise's place.
+    None where no more effort is left than the noise scatters by, unless what is left is known to have no order: a
+    search would fit noise.
     """
-    if linearised.excess(e, library, now)[0] <= NORMAL * math.sqrt(2.0 * refine.floor(e)):
+    left = linearised.remains(e, library, now)
+    if left.excess[0] <= NORMAL * linearised.scatter(e, library, now) and not library.unordered(e, now):
         return []
     present = in_place(now.effects)
     grids: dict[str, list[Form]] = {}
     for form in (form for form in library.forms if bends(form.effect) and form.effect.name not in present):
         grids.setdefault(form.effect.name, []).append(form)
-    chosen = telling(_missing(linearised.remains(e, library, now)), np.array([run.rows for run in e.runs]))
+    chosen = telling(_missing(left), np.array([run.rows for run in e.runs]))
     part = (_part(e, chosen), _on(library, chosen), now._replace(residuals=list(compress(now.residuals, chosen))))
     left_by = place_search.left_by(e, library, now)
     found: list[tuple[float, EffectValues]] = []
@@ -45,9 +47,11 @@ def starting_places(e: Evidence, library: Library, now: Fitted) -> list[EffectVa
 
 
 def _missing(left: Remains) -> Array:
-    """(runs,) Sum of squares that is left of each run above its noise."""
+    """(runs,) Sum of squares that is left of each run above its noise: what repeats differ by, less what drifts."""
     begins = np.cumsum([0, *left.experiments[:-1]])
-    missing: Array = np.maximum(np.add.reduceat(left.strokes - left.floor, begins), 0.0)
+    noise = float(left.strokes.sum()) - left.excess[0]
+    floor = left.floor * (noise / max(float(left.floor.sum()), 1e-300))
+    missing: Array = np.maximum(np.add.reduceat(left.strokes - floor, begins), 0.0)
     return missing
 
 
