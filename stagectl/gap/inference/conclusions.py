@@ -33,7 +33,8 @@ class Conclusions(NamedTuple):
     @property
     def effects(self) -> list[FoundEffect]:
         """Effects that were selected, signatures of the drive, shifted parameters."""
-        return [*verdict.with_signatures(self.named, self.signatures), *self.shifts]
+        shifts = verdict.beyond_jitter(self.shifts, self.signatures)
+        return [*verdict.with_signatures(self.named, self.signatures), *shifts]
 
 
 def conclude(

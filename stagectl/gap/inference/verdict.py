@@ -71,9 +71,20 @@ def without_jitter(effect: FoundEffect, most: float) -> FoundEffect:
 
 def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[FoundEffect]) -> list[FoundEffect]:
     """Effects and the drive's signatures; the mean of a jittering delay is no delay of its own."""
-    jitter = next((found.parameters["rms"].value for found in signatures if found.name == "jitter"), 0.0)
+    jitter = _jitter(signatures)
     kept = [effect for effect in effects if effect.name not in DELAYS or _longer(effect, jitter)]
     return [*kept, *signatures]
+
+
+def beyond_jitter(shifts: Sequence[FoundEffect], signatures: Sequence[FoundEffect]) -> list[FoundEffect]:
+    """The `shifts` of parameters, without a time shift that a jitter makes: what is late by chance is so on average."""
+    most = thresholds.SHIFT_PER_JITTER * _jitter(signatures)
+    return [shift for shift in shifts if shift.name != "time_shift" or abs(shift.parameters[shift.name].value) > most]
+
+
+def _jitter(signatures: Sequence[FoundEffect]) -> float:
+    """Of the drive (s, rms); 0 where it has none."""
+    return next((found.parameters["rms"].value for found in signatures if found.name == "jitter"), 0.0)
 
 
 def _longer(delay: FoundEffect, jitter: float) -> bool:

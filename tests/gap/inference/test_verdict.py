@@ -58,6 +58,15 @@ def test_a_short_mean_delay_belongs_to_the_jitter(name: str, value: str, size: f
     assert verdict.with_signatures([delay], []) == [delay]
 
 
+@pytest.mark.parametrize(("shift", "kept"), [(6e-5, False), (-6e-5, False), (2e-4, True), (-2e-4, True)])
+def test_a_jitter_is_late_on_average(shift: float, kept: bool) -> None:
+    jitter = FoundEffect("jitter", (), 0.98, 0.0, {"rms": Value(1.6e-4, 0.0, 0.0, "s")})
+    moved = FoundEffect("time_shift", (), 0.94, 0.0, {"time_shift": Value(shift, -1.0, 1.0, "s")}, parameter=True)
+    other = FoundEffect("inertia", (), 1.0, 0.5, {"inertia": Value(1e-5, 0.0, 1.0, "kg m^2")}, parameter=True)
+    assert verdict.beyond_jitter([moved, other], [jitter]) == ([moved, other] if kept else [other])
+    assert verdict.beyond_jitter([moved, other], []) == [moved, other]
+
+
 def test_an_interval_ends_where_a_value_cannot_lie() -> None:
     """A belt of 2.3 Hz, give or take 3: no frequency is negative, and no share of the load either."""
     effect = SimpleNamespace(
